@@ -17,10 +17,11 @@ from agents.ppo import deterministic, load_run, make_env, make_vector
 from agents.train import learning_curve
 from billiards_env.bench.evaluation import evaluation_seeds, measure, play_together, row_printer
 from billiards_env.games import GAMES
+from billiards_env.players.named import find_player
 from billiards_env.sb3.policy_player import playable
 from billiards_env.sb3.weights import check_finished
 from billiards_env.support.checks import Range, integer
-from billiards_env.support.commands import Parser, ending
+from billiards_env.support.commands import Parser, all_jobs, ending
 from billiards_env.support.files import check_path, replacing, write_json
 
 LAYOUTS = 1000
@@ -162,16 +163,22 @@ def main(arguments: list[str] | None = None) -> None:
                 check_finished(run)
             if args.curve is not None:
                 draw_curves(args.runs, args.curve)
+            for name in args.players:  # a wrong name is an error before the first policy plays
+                find_player(name, make_env(load_run(run_dir)[0]))
             torch.set_num_threads(1)  # small networks are faster on one thread
             show = row_printer([*map(str, args.runs), "random", *args.players])
             results = []
-            for run in args.runs:
-                results.append(evaluate(run, args.episodes, args.seed))
-                show(str(run), results[-1]["policy"])
-            show("random", results[0]["random"])
-            for name in args.players:
-                show(name, evaluate_player(run_dir, name, args.episodes, args.seed))
-            print_commands(run_dir)
+            with all_jobs() as job:
+                for run in args.runs:
+                    with job(str(run)):
+                        results.append(evaluate(run, args.episodes, args.seed))
+                        show(str(run), results[-1]["policy"])
+                for result in results[:1]:
+                    show("random", result["random"])
+                for name in args.players:
+                    with job(name):
+                        show(name, evaluate_player(run_dir, name, args.episodes, args.seed))
+                print_commands(run_dir)
 
 
 def print_commands(run_dir: Path) -> None:

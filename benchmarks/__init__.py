@@ -27,7 +27,7 @@ from tqdm import tqdm
 
 from billiards_env.support.checks import Range, integer
 from billiards_env.support.commands import Parser, ending
-from billiards_env.support.files import write_atomically, write_json
+from billiards_env.support.files import check_path, write_atomically, write_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -167,7 +167,7 @@ def run_command(
     options: Mapping[str, tuple[Any, str]],
     draw: Callable[[Any, Path], None] | None = None,
 ) -> Any:
-    """Runs a command that measures: it writes a JSON file, draws pictures, prints blocks, and returns the results.
+    """Runs a command that measures: it writes a JSON file, prints blocks, draws pictures, and returns the results.
 
     Args:
         command: The module of the command, such as "benchmarks.speed".
@@ -183,11 +183,24 @@ def run_command(
         files["images"] = (IMAGES, "folder of the pictures")
     with ending("the same command continues" if command.startswith("studies.") else ""):
         args = parser_of(command, description, **{**files, **options}).parse_args(arguments)
+        check_output(args.output)
+        if draw is not None:
+            check_output(args.images / "picture.png")
         result = measure(**{option: getattr(args, option) for option in options})
+        report(result, blocks, args.output)
         if draw is not None:
             draw(result, args.images)
-        report(result, blocks, args.output)
     return result
+
+
+def check_output(path: Path) -> None:
+    """Checks before a measurement that a file can be written after it, and creates its folder.
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    check_path(path)
 
 
 def report(result: Any, blocks: Callable[[Any], Mapping[str, str]], path: Path) -> None:

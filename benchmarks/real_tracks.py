@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import ROOT, machine, parser_of, report, save, table
+from benchmarks import ROOT, check_output, machine, parser_of, report, save, table
 from billiards_env.calibration import Calibration, Track, calibrate, read_tracks
 from billiards_env.calibration.cleaning import clean, noise_of
 from billiards_env.calibration.frame import Frame
@@ -222,6 +222,7 @@ def main(arguments: list[str] | None = None) -> None:
     scene = Scene.named(args.scene, max(int(track.balls.max()) for track in tracks))
     if args.cushion is not None:
         scene = dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, cushion=args.cushion))
+    check_output(args.output)
     others = None if args.judge is None else read_tracks(args.judge)
     report(measure(scene, tracks, others), blocks, args.output)
 

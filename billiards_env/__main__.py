@@ -11,7 +11,7 @@ import shutil
 import signal
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,7 @@ from billiards_env.bench.frozen import BENCH_TASKS, FROZEN
 from billiards_env.export import WRITERS, shot_text
 from billiards_env.scene import SCENES
 from billiards_env.support.checks import MAX_SPEED, Range, finite, integer, number, one_of, real
-from billiards_env.support.commands import Parser, ending
+from billiards_env.support.commands import Parser, all_jobs, ending
 from billiards_env.support.files import check_path, write_atomically
 
 if TYPE_CHECKING:
@@ -245,8 +245,7 @@ def simulate(args: argparse.Namespace) -> None:
     engine = Engine(args.mode, args.dt, args.fix)
     options = {"engine": engine, "max_time": args.max_time}
     shot = simulation.simulate(scene, positions, velocity, spins=spin, record=True, **options)
-    print(shot, shot_text(shot), sep="\n")
-    _write(shot, args.out)
+    _write_shot(shot, args.out)
 
 
 def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tuple[Any, Any]:
@@ -288,15 +287,17 @@ def evaluate(args: argparse.Namespace) -> None:
     for player in players:  # a wrong name is an error before the first player plays
         find_player(player, env)
     show = row_printer(players, details=True)
-    for player in players:
-        shots = itertools.count(1)
+    with all_jobs() as job:
+        for player in players:
+            shots = itertools.count(1)
 
-        def progress(player: str = player, shots: Iterator[int] = shots) -> None:
-            number = next(shots)
-            if sys.stderr.isatty() and number % 100 == 0:
-                print(f"{player}: {number:,} shots", end="\r", file=sys.stderr)
+            def progress(player: str = player, shots: Iterator[int] = shots) -> None:
+                number = next(shots)
+                if sys.stderr.isatty() and number % 100 == 0:
+                    print(f"{player}: {number:,} shots", end="\r", file=sys.stderr)
 
-        show(player, measure(player, arguments, tuple(args.noise), episodes, seed, progress))
+            with job(player):
+                show(player, measure(player, arguments, tuple(args.noise), episodes, seed, progress))
 
 
 def bench(args: argparse.Namespace) -> None:
@@ -307,15 +308,10 @@ def bench(args: argparse.Namespace) -> None:
         if not args.file:
             raise ValueError("bench verify without a file: expected the files to verify")
         noise_seed = secrets.randbits(63) if args.noise_seed is None else args.noise_seed
-        for path in args.file:
-            verified = bench.verify(path)
-            print(f"{path}: accepted, {verified.player}\n{bench.score_table(verified)}", flush=True)
-            other = bench.fresh(verified, noise_seed)
-            if other.results:
-                print(f"the same actions with the noise of seed {noise_seed}:\n{bench.score_table(other)}", flush=True)
-            noisy = {one.task for one in verified.results if FROZEN[one.task].noise}
-            for task in sorted(noisy - {one.task for one in other.results}):
-                print(f"{task}: replayed only, the player may have computed the noise beforehand", flush=True)
+        with all_jobs() as job:
+            for path in args.file:
+                with job(str(path)):
+                    _verify(path, noise_seed)
         return
     if args.file:
         raise ValueError(f"file = {str(args.file[0])!r} after a player: expected the word verify before files")
@@ -333,12 +329,32 @@ def bench(args: argparse.Namespace) -> None:
         if sys.stderr.isatty() and episodes % 10 == 0:
             print(f"{task}: {episodes:,} of {bench.EPISODES:,} episodes", end="\r", file=sys.stderr)
 
-    played = bench.play(args.player, args.tasks.split(","), args.seed, args.name, progress, args.noise_seed, part)
-    print(bench.score_table(played), flush=True)
+    tasks, results = args.tasks.split(","), []
+    try:
+        played = bench.play(
+            args.player, tasks, args.seed, args.name, progress, args.noise_seed, part, finished=results.append
+        )
+    finally:  # also after an error or Ctrl-C
+        if results:
+            print(bench.score_table(bench.Bench(args.player, tuple(results))), flush=True)
     if args.out is not None and part is not None:
         bench.save(args.out, played)
         part.unlink()
         print(f"wrote {args.out}")
+
+
+def _verify(path: Path, noise_seed: int) -> None:
+    """Verifies a file of results, and prints its scores, also with other noise."""
+    from billiards_env.bench import benchmark as bench
+
+    verified = bench.verify(path)
+    print(f"{path}: accepted, {verified.player}\n{bench.score_table(verified)}", flush=True)
+    other = bench.fresh(verified, noise_seed)
+    if other.results:
+        print(f"the same actions with the noise of seed {noise_seed}:\n{bench.score_table(other)}", flush=True)
+    noisy = {one.task for one in verified.results if FROZEN[one.task].noise}
+    for task in sorted(noisy - {one.task for one in other.results}):
+        print(f"{task}: replayed only, the player may have computed the noise beforehand", flush=True)
 
 
 def calibrate(args: argparse.Namespace) -> None:
@@ -361,10 +377,7 @@ def calibrate(args: argparse.Namespace) -> None:
         contacts=args.contacts,
         progress=lambda text: print(text, file=sys.stderr, flush=True),
     )
-    print(result)
-    for path in args.out:
-        result.save(path)
-        print(f"wrote {path}")
+    _write(result.save, args.out, result)
 
 
 def replay(args: argparse.Namespace) -> None:
@@ -387,8 +400,7 @@ def replay(args: argparse.Namespace) -> None:
     if args.shot is not None:
         shots = [shots[args.shot - 1]]
     for shot in shots[-1:]:
-        print(shot, shot_text(shot), sep="\n")
-        _write(shot, args.out)
+        _write_shot(shot, args.out)
     if args.window:
         _show(record.scene if isinstance(record, records.ShotRecord) else record.setup.scene, shots)
 
@@ -415,10 +427,20 @@ def _check_out(paths: Sequence[Path], without: str = "") -> None:
         check_path(path, path.suffix)
 
 
-def _write(shot: ShotResult, paths: Sequence[Path]) -> None:
-    for path in paths:
-        WRITERS[path.suffix](shot, path)
-        print(f"wrote {path}")
+def _write_shot(shot: ShotResult, paths: Sequence[Path]) -> None:
+    """Prints a shot and writes it to files."""
+    _write(lambda path: WRITERS[path.suffix](shot, path), paths, f"{shot}\n{shot_text(shot)}")
+
+
+def _write(save: Callable[[Path], object], paths: Sequence[Path], result: object) -> None:
+    """Writes files, also after one has failed, then prints a result and the paths: the output may be a closed pipe."""
+    written = []
+    with all_jobs() as job:
+        for path in paths:
+            with job(str(path)):
+                save(path)
+                written.append(f"wrote {path}")
+        print(result, *written, sep="\n")
 
 
 def web(args: argparse.Namespace) -> None:

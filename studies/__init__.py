@@ -34,6 +34,7 @@ from agents import require
 from agents.cluster import RayExecutor
 from benchmarks import ROOT, machine, processes
 from billiards_env.shots.records import read_data
+from billiards_env.support.commands import all_jobs
 from billiards_env.support.files import MAX_ARCHIVE, write_json
 
 require("plot", ("matplotlib",))
@@ -59,7 +60,7 @@ def executor(jobs: int, address: str = "") -> AbstractContextManager[Executor]:
 
 
 def completed(pool: Executor, calls: Mapping[K, tuple[Any, ...]], done: int = 0) -> Iterator[tuple[K, Any]]:
-    """Makes calls in a pool, and yields the key and the result of each as soon as it ends.
+    """Makes calls in a pool, and yields the key and the result of each as soon as it ends. Errors come after the last.
 
     Args:
         pool: The pool.
@@ -67,8 +68,11 @@ def completed(pool: Executor, calls: Mapping[K, tuple[Any, ...]], done: int = 0)
         done: The number of results that are already known, for the progress bar.
     """
     futures = {pool.submit(*call): key for key, call in calls.items()}
-    for future in tqdm(as_completed(futures), total=done + len(calls), initial=done, unit="run", smoothing=0):
-        yield futures[future], future.result()
+    with all_jobs() as job:
+        for future in tqdm(as_completed(futures), total=done + len(calls), initial=done, unit="run", smoothing=0):
+            key = futures[future]
+            with job(str(key)):
+                yield key, future.result()
 
 
 def read_results(output: Path) -> dict[str, Any]:
@@ -90,6 +94,8 @@ def resumed(output: Path, settings: Mapping[str, Any], **empty: Any) -> dict[str
 def fill(output: Path, content: dict[str, Any], jobs: Mapping[tuple[str, ...], Callable[[], Any]]) -> dict[str, Any]:
     """Computes the missing entries of nested results, and writes the JSON file `output` after each of them.
 
+    Errors are raised after the last entry.
+
     Args:
         output: The file.
         content: The results so far.
@@ -98,13 +104,14 @@ def fill(output: Path, content: dict[str, Any], jobs: Mapping[tuple[str, ...], C
     Returns:
         The results with all entries.
     """
-    with tqdm(jobs.items(), unit="result") as bar:
+    with tqdm(jobs.items(), unit="result") as bar, all_jobs() as job:
         for (*parents, last), work in bar:
             place = functools.reduce(lambda inner, key: inner.setdefault(key, {}), parents, content)
             if last not in place:
-                bar.set_description(", ".join((*parents, last)))
-                place[last] = work()
-                write_json(output, content)
+                bar.set_description(name := ", ".join((*parents, last)))
+                with job(name):
+                    place[last] = work()
+                    write_json(output, content)
     return content
 
 

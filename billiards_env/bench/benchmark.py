@@ -16,7 +16,6 @@ import base64
 import hashlib
 import os
 import re
-import traceback
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
@@ -33,6 +32,7 @@ from billiards_env.players.env_player import acting
 from billiards_env.players.named import find_player
 from billiards_env.shots import records
 from billiards_env.support.checks import Range, finite, integer, one_of, real, short
+from billiards_env.support.commands import error_text
 from billiards_env.support.intervals import interquartile_mean, mean_interval, wilson_interval
 
 EPISODES = 1000
@@ -91,6 +91,7 @@ def play(
     progress: Callable[[str, int], object] = lambda task, episode: None,
     noise_seed: int | None = None,
     part: Path | None = None,
+    finished: Callable[[Result], object] = lambda result: None,
 ) -> Bench:
     """Plays `EPISODES` episodes of each task for each seed.
 
@@ -103,6 +104,7 @@ def play(
         noise_seed: The seed of the noise in the tasks with noise; None for the seed of the layouts.
         part: A file that holds each finished result until all are finished. If it exists, its results are verified and
             not played again. None for none.
+        finished: A function that is called with each finished result.
 
     Raises:
         ValueError: If a task or a player is unknown, a name has characters other than letters, digits and ".:/+ -_",
@@ -120,7 +122,7 @@ def play(
     keys = [(task, seed, noise_seed if FROZEN[task].noise else None) for task in names for seed in seeds]
     source = f"{hashlib.sha256(player.encode()).hexdigest()[:16]} {title}"[:80]  # one name can have several players
     results = {} if part is None or not part.exists() else _kept(part, source, keys)
-    for key in keys:
+    for key in dict.fromkeys(keys):
         if key not in results:
             try:
                 results[key] = _play(player, *key, progress)
@@ -130,6 +132,7 @@ def play(
                 raise _failure(key[0], error) from error
             if part is not None:
                 save(part, Bench(source, tuple(results.values())))
+        finished(results[key])
     return Bench(title, tuple(results[key] for key in dict.fromkeys(keys)))
 
 
@@ -147,12 +150,8 @@ def _kept(part: Path, player: str, keys: Sequence[_Key]) -> dict[_Key, Result]:
 
 def _failure(task: str, error: Exception) -> Exception:
     """Returns the error of a player with the name of its task."""
-    text = str(error)
-    if not isinstance(error, (TypeError, ValueError)):
-        where = traceback.extract_tb(error.__traceback__)[-1]
-        text = f"{type(error).__name__}: {error} ({where.filename}, line {where.lineno})"
     kind = TypeError if isinstance(error, TypeError) else ValueError
-    return kind(f"{task}: {text}; --tasks chooses other tasks")
+    return kind(f"{task}: {error_text(error)}; --tasks chooses other tasks")
 
 
 def _play(player: str, task: str, seed: int, noise_seed: int | None, progress: Callable[[str, int], object]) -> Result:

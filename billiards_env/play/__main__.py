@@ -69,7 +69,7 @@ def make_parser() -> argparse.ArgumentParser:
     add("--mode", help=f"the engine of the game: {' or '.join(MODES)} (default: pic)")
     add("--dt", type=number, default=DT, help="timestep of PIT, s (default: 1/60)")
     add("--load", type=Path, metavar="FILE", help="continue a saved game")
-    text = "save to this file with S and on quitting (default for S: the loaded file or a new game.json)"
+    text = "save to this file with S and at the end, also after an error (default: the loaded file or a new game.json)"
     add("--save", type=Path, metavar="FILE", help=text)
     add("--seed", type=int, help="seed of the rack and of the programs (default: random)")
     add("--speed", type=number, default=1.0, help="playback speed over real time (default: %(default)s)")
@@ -146,14 +146,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         window = GameWindow(model, players, rng, save, width, args.palette)
     print("H shows the keys in the window, F1 the rules.", flush=True)
     window.ask = args.save is None
-    ended_early = True
     try:
         window.run()
-        ended_early = window.interrupted
-    finally:  # also after an error of the window or of a player
-        if args.save is not None or (ended_early and not window.saved):
+    finally:
+        if args.save is not None or (window.interrupted and not window.saved):
             window.save()
-            print(window.message)
+            print(window.message, flush=True)
     if window.interrupted:
         sys.exit(130)
 

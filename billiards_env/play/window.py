@@ -167,7 +167,7 @@ class GameWindow:
         model: The state of the game.
         open: False after the user has quit.
         ask: Whether the window asks before it closes a game that is not saved; True by default.
-        interrupted: Whether Ctrl-C or SIGTERM has closed the window.
+        interrupted: Whether Ctrl-C, SIGTERM or an error has closed the window.
         message: The result of the last command, such as saving.
     """
 
@@ -203,11 +203,14 @@ class GameWindow:
         self._frame = self._view.draw(model)
 
     def run(self) -> None:
-        """Plays until the window is closed. Ctrl-C and SIGTERM close it without a question."""
+        """Plays until the window is closed. Ctrl-C, SIGTERM and an error close it without a question."""
         before = {number: signal.signal(number, self._interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             while self.open:
                 self.frame()
+        except BaseException:
+            self._interrupt()
+            raise
         finally:
             self.close()
             for number, handler in before.items():

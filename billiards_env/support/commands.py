@@ -1,4 +1,7 @@
-"""How a command reads numbers, and how it ends: an error or Ctrl-C prints one line, a closed pipe prints nothing."""
+"""How a command reads numbers, does several jobs, and ends.
+
+An error or Ctrl-C prints one line, a closed pipe prints nothing.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,9 @@ import contextlib
 import os
 import re
 import sys
-from collections.abc import Iterator
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from typing import Any
 
 ERRORS = (ImportError, OSError, RuntimeError, TypeError, ValueError)
@@ -43,3 +48,53 @@ def ending(resumes: str = "") -> Iterator[None]:
         sys.exit(141)
     except ERRORS as error:
         sys.exit(f"error: {error}")
+
+
+@contextlib.contextmanager
+def all_jobs() -> Iterator[Callable[[str], AbstractContextManager[None]]]:
+    """Runs all jobs, also after one has failed, and raises their errors at the end.
+
+    Yields:
+        A function whose argument is the name of a job. It returns the context in which the job runs.
+
+    Raises:
+        RuntimeError: If jobs failed: a line for each error, with the names of the jobs. The error of the only job is
+            raised itself.
+
+    Example:
+        >>> with all_jobs() as job:
+        ...     for name in ("one", "two"):
+        ...         with job(name):
+        ...             print(name)
+        one
+        two
+    """
+    count, errors = 0, list[tuple[str, Exception]]()
+
+    @contextlib.contextmanager
+    def job(name: str) -> Iterator[None]:
+        nonlocal count
+        count += 1
+        try:
+            yield
+        except BrokenPipeError:  # there is no reader for the other jobs
+            raise
+        except Exception as error:  # the code of a player may raise any
+            errors.append((name, error))
+
+    yield job
+    if count == len(errors) == 1:
+        raise errors[0][1]
+    names: dict[str, list[str]] = {}
+    for name, error in errors:
+        names.setdefault(error_text(error), []).append(name)
+    if names:
+        raise RuntimeError("\n".join(f"{', '.join(names[text])}: {text}" for text in names))
+
+
+def error_text(error: Exception) -> str:
+    """Returns the text of an error, with its type and its place unless it is one of `ERRORS`."""
+    if isinstance(error, ERRORS):
+        return str(error)
+    where = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {error} ({where.filename}, line {where.lineno})"

@@ -9,6 +9,7 @@ import pytest
 import torch
 from stable_baselines3 import PPO
 
+from agents import evaluate as evaluation
 from agents.config import Config, load
 from agents.evaluate import evaluate, main
 from agents.ppo import deterministic, load_run, make_env, make_policy, make_vector
@@ -66,6 +67,22 @@ def test_runs_random_shots_and_players_are_printed_side_by_side(trained, tmp_pat
     assert curve.read_bytes().startswith(b"\x89PNG")
     assert evaluate(one) == written
     assert evaluate(one, episodes=30, seed=1)["random"]["episodes"] == 30
+
+
+def test_a_player_that_fails_stops_no_other_one(trained, monkeypatch, capsys):
+    usual = evaluation.evaluate_player
+
+    def failing(run_dir, player, *arguments):
+        if player == "random":
+            raise KeyError(player)
+        return usual(run_dir, player, *arguments)
+
+    monkeypatch.setattr(evaluation, "evaluate_player", failing)
+    with pytest.raises(SystemExit, match=r"^error: random: KeyError: 'random' \("):
+        main([str(trained), "--players", "random", "search:5"])
+    printed = capsys.readouterr().out
+    assert [line.split()[0] for line in printed.splitlines() if "% to" in line][1:] == ["random", "search:5"]
+    assert "\nfilm: " in printed
 
 
 def test_noise_applies_to_training_and_evaluation(tiny, tmp_path):

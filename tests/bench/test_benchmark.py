@@ -282,7 +282,7 @@ def test_the_error_of_a_player_for_one_task_names_the_other(tmp_path, monkeypatc
     )
     monkeypatch.delitem(sys.modules, "one_task", raising=False)
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(bench, "EPISODES", 1)
+    monkeypatch.setattr(bench, "EPISODES", 2)
     with pytest.raises(SystemExit, match=message):
         main(["bench", "one_task:maker", "--tasks", "Pot1-v0,Carom-v0"])
 

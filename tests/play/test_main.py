@@ -110,19 +110,35 @@ def test_a_signal_saves_the_game_to_a_new_file(monkeypatch, tmp_path):
     assert Path("game.json").read_text() == "another game"
 
 
-@pytest.mark.parametrize("options", [[], ["--save", "game.json"]])
-def test_an_error_of_a_player_or_of_the_window_loses_no_stroke(monkeypatch, tmp_path, options):
+@pytest.mark.parametrize("fault", [RuntimeError("the window broke"), KeyError("player")])
+@pytest.mark.parametrize("options", [["--save", "mine.json"], []])
+def test_an_error_saves_the_game(monkeypatch, tmp_path, capsys, fault, options):
+    """Also an error of a player: the window raises it in its next frame."""
+
     def frame(self):
+        if self.model.strokes:
+            raise fault
         self.model = go(self.model)
-        raise ArithmeticError("of a player")
 
     monkeypatch.setattr(windows.GameWindow, "frame", frame)
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ArithmeticError, match="of a player"):
+    with pytest.raises(type(fault), match=str(fault)):
         main(["--rules", "carom", *options])
-    saved = records.load(Path("game.json"))
+    path = Path(options[1] if options else "game.json")
+    saved = records.load(path)
     assert isinstance(saved, records.GameRecord)
     assert len(saved.strokes) == 1
+    assert capsys.readouterr().out.endswith(f"saved to {path}\n")
+
+
+def test_a_player_of_ones_own_that_fails_saves_the_game(monkeypatch, tmp_path):
+    (tmp_path / "failing.py").write_text(
+        "def maker(argument):\n    def act(situation, rng):\n        raise KeyError('mine')\n    return act\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(KeyError, match="mine"):
+        main(["--rules", "carom", "--players", "failing:maker,human", "--save", str(tmp_path / "game.json")])
+    assert isinstance(records.load(tmp_path / "game.json"), records.GameRecord)
 
 
 def test_a_window_with_a_text_is_open_while_the_engine_is_compiled(monkeypatch, frames):
