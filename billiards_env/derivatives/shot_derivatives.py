@@ -748,4 +748,5 @@ def _shots(record: Record, begin: int, end: int) -> Record:
         if first < last:
             bounds = part.bounds[first - part.begin : last - part.begin + 1]
             parts.append(Part(first - begin, last - begin, part.events, part.segments, bounds))
-    return Record(record.scene, record.time[begin:end], parts)
+    varied = {name: values[begin:end] for name, values in record.varied.items()}
+    return Record(record.scene, record.time[begin:end], parts, varied)

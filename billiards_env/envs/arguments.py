@@ -220,9 +220,8 @@ def model_of(maker: Callable[..., Any], arguments: Mapping[str, Any]) -> Model:
     for name, value in arguments.items():
         if name not in known:
             expected = f"one of the arguments {', '.join(known)}{suggestion(name, known)}"
-            python = (
-                f"{maker.__name__}() got an unexpected keyword argument {name!r}"  # TorchRL searches for these words
-            )
+            # TorchRL searches for the words of Python's own message.
+            python = f"{maker.__name__}() got an unexpected keyword argument {name!r}"
             raise TypeError(f"{name} = {short(value)}: expected {expected}; {python}")
     return make_model(**arguments)
 

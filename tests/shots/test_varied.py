@@ -88,6 +88,17 @@ def test_each_shot_equals_a_single_shot_with_its_physics_bit_for_bit(name, names
         assert gradient[k].tobytes() == single.vjp({"positions": np.ones((3, 2))}, by).tobytes()
 
 
+def test_the_certainty_of_each_shot_is_that_of_its_physics():
+    """The bounds of the errors grow with the restitution and the friction, here by up to a factor of 10,000."""
+    rng, m = np.random.default_rng(23), 40
+    triangle = [(0.1 + 0.054 * i, 0.06 * (j - i / 2)) for i in range(4) for j in range(i + 1)]
+    places = np.repeat(np.array([[(-0.6, 0.05), *triangle[:9]]]), m, axis=0)
+    starts = np.stack((rng.uniform(4, 8, m), rng.uniform(-0.6, 0.6, m)), axis=1)
+    physics = {"mu_slide": rng.choice([0.01, 1.0], m), "e_ball": rng.uniform(0.0, 1.0, m)}
+    batch = simulate_batch(Scene.named("pool", 9), places, starts, physics=physics, record=True)
+    assert batch.certainty().contacts.tolist() == [shot.certainty().contacts for shot in batch]
+
+
 @pytest.mark.parametrize("fix", ["push_apart", "move_back", "none"])
 def test_each_shot_has_its_own_timestep(fix):
     scene, m = SCENES["pool"], 12
