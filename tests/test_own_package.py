@@ -161,6 +161,7 @@ WRONG = [
     ({"task": "eight_bal"}, r"task = 'eight_bal': expected one of 'pot', .* \(did you mean 'eight_ball'\?\)"),
     ({"task": "none:pot"}, r"task = 'none:pot': expected a module that can be imported \(ModuleNotFoundError: No"),
     ({"task": "broken:pot"}, r"task = 'broken:pot': expected a module that can .* \(ZeroDivisionError: division"),
+    ({"task": "ending:pot"}, r"task = 'ending:pot': expected a module that can be imported \(SystemExit: 3\)"),
     ({"task": ":pot"}, r"task = ':pot': expected a module that can be imported"),
     ({"task": "my_billiards:cushion_firs"}, r"'my_billiards' registers \(did you mean 'cushion_first'\?\)"),
     ({"task": "my_billiards:first_pots", "n_players": 2}, r"task = .*registers \(did you mean 'first_pot'\?\)"),
@@ -175,6 +176,7 @@ WRONG = [
 @pytest.mark.parametrize(("arguments", "message"), WRONG)
 def test_names_without_an_entry_are_refused(arguments, message, tmp_path, monkeypatch):
     (tmp_path / "broken.py").write_text("1 / 0\n")
+    (tmp_path / "ending.py").write_text("raise SystemExit(3)\n")
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(ValueError, match=message):
         gym.make(ID, **arguments)

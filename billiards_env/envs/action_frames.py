@@ -27,7 +27,7 @@ from billiards_env.physics.elementary import cos_sin, norm
 from billiards_env.physics.state import X, Y
 from billiards_env.scene import Scene
 from billiards_env.shots.tables import Tables
-from billiards_env.support.checks import one_of, short
+from billiards_env.support.checks import numbers, one_of, short
 
 FRAMES = ("cut", "sum_to_three")
 
@@ -70,7 +70,7 @@ class ActionFrame:
 
     def velocities(self, actions: ArrayLike, tables: Tables) -> NDArray[np.float64]:
         """Returns the velocities (k, 2) of the cue balls, m/s, for actions (k, 2), which are clipped to [-1, 1]."""
-        array = np.asarray(actions, np.float64)
+        array = numbers("action", actions)
         out = np.empty(array.shape)
         fields = tables.positions, tables.targets, self._reach, float(tables.max_speed)
         _velocities(self._is_cut, array, fields, out)

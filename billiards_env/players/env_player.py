@@ -33,7 +33,7 @@ from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
 from billiards_env.players.situation import Noise, Player, Situation, game_situation, rating
 from billiards_env.shots.tables import Tables
-from billiards_env.support.checks import finite, one_of
+from billiards_env.support.checks import finite, numbers, one_of
 
 Floats = NDArray[np.float64]
 Act = Callable[[Any], NDArray[np.floating[Any]]]
@@ -131,7 +131,7 @@ def _game_ratings(
 
 def _game_stroke(env: BilliardsEnv, situation: Situation, action: Any) -> Stroke:
     """Returns the stroke of a velocity, or of a whole action of the environment."""
-    array = np.asarray(action, np.float64)
+    array = numbers("action", action)
     if array.shape != env.action_space.shape:
         return situation.stroke(action)
     stroke = ActionStroke((0.0, 0.0))

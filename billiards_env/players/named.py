@@ -126,7 +126,7 @@ def _imported(text: str, module: str, function: str, names: Sequence[str]) -> An
     except SyntaxError as error:
         where = f"{error.filename}, line {error.lineno}: {error.msg}"
         raise ValueError(f"player = {text!r}: expected a module of Python ({where})") from error
-    except Exception as error:  # the code of the module may raise any
+    except (Exception, SystemExit) as error:  # the code of the module may raise any
         name, ours = text.partition(":")[0], module.removesuffix(".py")
         if ours != module or (not function and isinstance(error, AttributeError)):
             why = f" (did you mean '{ours}:{function or 'FUNCTION'}'?)"

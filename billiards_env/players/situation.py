@@ -19,7 +19,7 @@ from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
 from billiards_env.players.aim import FirstTouch, Goal, Pot, carom_goals
 from billiards_env.pots.finder import PotShots, pot_shots
 from billiards_env.shots.tables import Tables
-from billiards_env.support.checks import one_of
+from billiards_env.support.checks import finite, one_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -120,7 +120,7 @@ def game_situation(
         return rating(state.player, played.states["winner"], points, verdicts["continues"], verdicts["foul"] > 0)
 
     def stroke(action: Any) -> Stroke:
-        return game_stroke(setup, game, max_speed * np.asarray(action, np.float64), max_speed, place)
+        return game_stroke(setup, game, max_speed * finite("action", action, (2,)), max_speed, place)
 
     targets, rules = np.flatnonzero(legal & in_play).tolist(), setup.game_rules
     goals = carom_goals(targets, rules.cushions)

@@ -241,7 +241,7 @@ def key_of(what: str, value: Any, table: Mapping[str, Any]) -> str:
         return key
     try:
         importlib.import_module(module)
-    except Exception as error:  # the code of the module may raise any
+    except (Exception, SystemExit) as error:  # the code of the module may raise any
         why = f"{type(error).__name__}: {error}"
         raise ValueError(f"{what} = {short(value)}: expected a module that can be imported ({why})") from error
     if key not in table:

@@ -48,6 +48,20 @@ def test_a_strategy_calls_the_ball_that_it_pots():
         assert (stroke.call, play(game, table, stroke).verdict.points) == (Call(1, 3), 1)
 
 
+@pytest.mark.parametrize("action", [("1", "2"), (1j, 0.0), (np.nan, 0.0), (0.1, 0.2, 0.3), None])
+def test_the_strategies_of_other_packages_give_finite_numbers(action):
+    game, table = hanging()
+    with pytest.raises(ValueError, match=r"action.*: expected"):
+        game_situation(game, table, 4.0).stroke(action)
+
+
+def test_a_module_that_ends_the_process_is_named(tmp_path, monkeypatch):
+    (tmp_path / "ending.py").write_text("raise SystemExit(3)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ValueError, match=r"player = 'ending:maker': expected one of .*module:function \(3\)"):
+        find_player("ending:maker", setup("carom"))
+
+
 def test_search_avoids_penalty_points_in_snooker():
     game = setup("snooker")
     rng, penalties = RNG(0), 0
