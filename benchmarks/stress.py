@@ -43,6 +43,9 @@ SHOTS = {
     "jump shots, 3 object balls": (800, 5_000),
     "rain of 6 balls": (200, 1_000),
     "rain of 6 balls with jaws": (200, 1_000),
+    "stacks, exact": (100, 1_000),
+    "stacks, leaning": (100, 1_000),
+    "wedges at a nose": (100, 1_000),
 }
 WORST = ("overlap", "outside", "rise", "momentum", "most_events")
 ADDED = ("shots", "contact_rule", "events")

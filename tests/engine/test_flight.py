@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import Scene, simulate
+from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.engine import PIC, Engine
 from billiards_env.engine.strikes import strike
 from billiards_env.envs import make_env
@@ -205,6 +205,18 @@ def test_a_ball_that_falls_on_others_comes_down_to_the_cloth(name):
     assert np.array_equal(mirrored.positions, shot.positions * [1, -1])
     energies = [energy(shot, time) for time in np.linspace(0.0, shot.time, 200)]
     assert max(np.diff(energies)) < 1e-4
+
+
+def test_shots_at_balls_exactly_above_one_another_end_by_physics():
+    """The impacts at one instant end, and the struck ball, which is below the others, moves on."""
+    rng, m = np.random.default_rng(0), 100
+    velocities = np.column_stack((rng.uniform(1.5, 5.0, m), np.zeros(m), rng.uniform(0.8, 1.8, m)))
+    velocities[:2] = [[2.0, 0.0, 1.4574], [4.0, 0.0, 1.4574]]
+    places = np.array([[[0.3, 0.2, 2 * R * k] for k in range(3)]] * m)
+    batch: Any = simulate_batch(scene(), places, velocities, max_events=50_000)
+    assert set(batch.status) == {"rest"}
+    assert not batch.heights.any()
+    assert (np.hypot(*(batch.positions[:, 0] - [0.3, 0.2]).T) > 0.1).all()
 
 
 @pytest.mark.parametrize(("speed", "expected"), [(2.6, True), (1.6, False)])
