@@ -13,10 +13,24 @@ from typing import Any
 import numpy as np
 
 from billiards_env.drawing.canvas import Canvas, Frame, pixels
-from billiards_env.drawing.recording import Recording
+from billiards_env.drawing.recording import Recording, recordings_of
 from billiards_env.drawing.style import INK, PAPER
+from billiards_env.shots.result import ShotResult
 from billiards_env.support.checks import missing, real
 from billiards_env.support.files import check_path, replacing
+
+
+def film_shot(
+    shot: ShotResult,
+    path: str | os.PathLike[str],
+    suffix: str,
+    fps: float,
+    width: int,
+    compare: ShotResult | None,
+) -> None:
+    """Writes a shot as a film, see `ShotResult.to_gif`, `ShotResult.to_mp4` and `write_film`."""
+    recording, other = recordings_of(shot, compare, f"to_{suffix[1:]}")
+    write_film(path, suffix, recording, fps, width, other)
 
 
 def write_film(
