@@ -9,20 +9,27 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+from collections import UserDict
 from typing import Any, TypeVar
 
 T = TypeVar("T")
 
 DOORS = {
     "shot.plot": "billiards_env.drawing.plot:draw_shot",
-    "shot.to_gif": "billiards_env.drawing.film:film_shot",
-    "shot.to_mp4": "billiards_env.drawing.film:film_shot",
+    "shot.to_gif": "billiards_env.drawing.film:write_film",
+    "shot.to_mp4": "billiards_env.drawing.film:write_film",
     "shot.to_html": "billiards_env.drawing.page:write_page",
     "shot._repr_html_": "billiards_env.drawing.page:notebook_output",
     "render_mode": "billiards_env.drawing.rendering:Renderer",
     "billiards_env.envs.RecordVideo": "billiards_env.drawing.rendering:RecordVideo",
+    "observe = 'pixels'": "billiards_env.drawing.raster:PIXELS",
+    "observe = 'planes'": "billiards_env.drawing.raster:PLANES",
+    "action = 'plan'": "billiards_env.pots.plans:PLAN",
+    "billiards_env.register_player": "billiards_env.players.named:register_player",
+    "the frozen ids": "billiards_env.bench.frozen:register",
+    "player = 'policy'": "billiards_env.sb3.policy_player:POLICY",
 }
-"""What an attachment provides: `module:attribute` by name. `what = 'name'` is an entry of the table of `what`."""
+"""What attachments provide: `module:attribute` by name. `what = 'name'` is an entry of the table of `what`."""
 
 
 def load(door: str) -> Any:
@@ -42,8 +49,28 @@ def load(door: str) -> Any:
         raise ModuleNotFoundError(message, name=error.name) from error
 
 
+def is_there(door: str) -> bool:
+    """Returns whether the installation contains the attachment of a name in `DOORS`."""
+    return importlib.util.find_spec(DOORS[door].rpartition(".")[0]) is not None
+
+
 def attribute(module: str, name: str) -> Any:
     """Returns an attribute of a module of the core that an attachment provides, for the `__getattr__` of the module."""
     if (door := f"{module}.{name}") not in DOORS:
         raise AttributeError(f"module {module!r} has no attribute {name!r}")
     return load(door)
+
+
+class Entries(UserDict[str, T]):
+    """A table of entries by name, such as `ACTIONS`. An entry may be a name in `DOORS`, which loads at first use."""
+
+    def __getitem__(self, name: str) -> T:
+        entry: Any = self.data[name]
+        if isinstance(entry, str):
+            self.data[name] = entry = load(entry)
+        return entry
+
+
+def offered(what: str) -> Entries[Any]:
+    """Returns the entries of attachments for a table; `what` is its name in the messages of errors."""
+    return Entries({door.split("'")[1]: door for door in DOORS if door.startswith(f"{what} = ")})

@@ -27,7 +27,6 @@ from benchmarks import GREY, IMAGES, new_figure, parser_of, save, save_image
 from billiards_env.drawing.canvas import pixels
 from billiards_env.drawing.film import film_writer, write_film
 from billiards_env.drawing.plot import draw_ball, draw_empty, legend_handles
-from billiards_env.drawing.recording import recording_of
 from billiards_env.drawing.style import INK, looks
 from billiards_env.engine import Engine
 from billiards_env.engine.strikes import strike
@@ -255,10 +254,10 @@ def main(arguments: list[str] | None = None) -> None:
     shown = window()
     frame = View(shown.setup.scene, WINDOW["width"]).draw(shown)
     save_image(Image.fromarray(pixels(frame)), args.folder / "play.png", octree=True)
-    velocity = recording_of(shot).trajectory.velocity[0]
+    velocity = shot.motion_at(0.0)[0]
     rough = simulate(scene, shot.at(0.0), velocity, engine=Engine("pit", 1 / 60), record=True)
     colours = panel.PAPER, panel.INK
-    write_film(args.folder / "shot.gif", ".gif", recording_of(shot), 25, 640, recording_of(rough), colours)
+    write_film(shot, args.folder / "shot.gif", ".gif", 25, 640, rough, colours)
     write_run_out(args.folder / "run_out.gif", next(filter(None, map(filmed_run_out, itertools.count()))))
     print(f"Written to {args.folder}.")
 
