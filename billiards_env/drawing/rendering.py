@@ -229,6 +229,8 @@ class RecordVideo(gym.wrappers.RecordVideo):
 
     Example:
         ```python
+        from billiards_env.envs import RecordVideo
+
         env = gym.make("Billiards-v0", render_mode="rgb_array_list")
         env = RecordVideo(env, "videos", episode_trigger=lambda episode: True)
         ```

@@ -1,4 +1,4 @@
-"""Pots by geometry.
+"""Pots by geometry, and the action "plan".
 
 Modules:
     finder: The direct pots and the banks of many tables.
