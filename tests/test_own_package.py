@@ -52,14 +52,14 @@ RNG = np.random.default_rng
 @pytest.fixture(scope="module", autouse=True)
 def path():
     """Lets Python find the package. Its entries are removed after the tests."""
-    before = [dict(table) for table in TABLES]
+    before = [{*table} for table in TABLES]
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(DATA)
         yield
     sys.modules.pop("my_billiards", None)
-    for table, entries in zip(TABLES, before, strict=True):
-        table.clear()
-        table.update(entries)
+    for table, names in zip(TABLES, before, strict=True):
+        for name in {*table} - names:
+            del table[name]
 
 
 def any_env(**arguments: Any) -> Any:

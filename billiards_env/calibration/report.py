@@ -20,6 +20,7 @@ from billiards_env.calibration.scatter import Scattered, estimate
 from billiards_env.calibration.shot import INSTANT, PLACES, SCALE, SPIN, VELOCITY, Shot, prepare
 from billiards_env.calibration.starts import errors, run, simulated
 from billiards_env.calibration.tracks import Bools, Floats, Track, check_tracks
+from billiards_env.drawing.recording import Recording, recording_of
 from billiards_env.scene import PARAMETERS, Scene
 from billiards_env.shots.result import ShotResult
 from billiards_env.support.checks import RANGES, finite, one_of
@@ -27,8 +28,6 @@ from billiards_env.support.files import check_path, replacing, write_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from billiards_env.drawing.recording import Recording
 
 SUFFIXES = (".json", ".png", ".svg", ".pdf")
 """Suffixes of the files that `Calibration.save` writes."""
@@ -265,7 +264,7 @@ def drawn(scene: Scene, shot: Shot, ahead: float = 0.0) -> tuple[Track, Bools, R
     """
     seen = ~shot.added & (shot.time <= ahead + shot.time.max(initial=0.0, where=shot.used))
     track = shot.track._replace(times=shot.time - shot.starts[0, INSTANT]).rows(seen)
-    return track, shot.used[seen], run(scene, shot.starts, shot._replace(used=seen))[0].recording()
+    return track, shot.used[seen], recording_of(run(scene, shot.starts, shot._replace(used=seen))[0])
 
 
 def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:

@@ -13,13 +13,13 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_env.doors import load
 from billiards_env.engine import Engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, model_of
 from billiards_env.envs.episodes import Episodes, SpareEpisodes, noise_stream
 from billiards_env.envs.goal_observations import compute_reward
 from billiards_env.envs.observations import decode
-from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.snapshots import SPACES, EpisodeState, OfEpisodes, checked_state, copied
 from billiards_env.envs.trials import Outcomes, Trials
 from billiards_env.jit import streams
@@ -28,6 +28,13 @@ from billiards_env.support.checks import Range, finite, integer, one_of, short
 
 if TYPE_CHECKING:
     from billiards_env.games.playing import GameState, Stroke
+
+RENDER_MODES = ("human", "rgb_array", "rgb_array_list")
+FPS = 30
+"""Frames per second of a film of the moving balls."""
+
+FPS_OF_SHOTS = 1
+"""Frames per second of a video with one frame per shot, which the mode "rgb_array" gives."""
 
 _ONE = np.ones(1, np.bool_)
 
@@ -409,7 +416,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         self.action, self.max_speed = model.action, model.max_speed
         if render_mode == "rgb_array":
             self.metadata = {**self.metadata, "render_fps": FPS_OF_SHOTS}
-        self._renderer = None if render_mode is None else Renderer(self.scene, render_mode)
+        self._renderer = None if render_mode is None else load("render_mode")(self.scene, render_mode)
         self._own: Episodes | None = Episodes(1, model, 0 if self._renderer is None else 1)
         self._spare = SpareEpisodes(self._own)
         self.features = self._episodes.observer.features
@@ -487,7 +494,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         episodes.undo(checked_state(state, episodes.kind, self.model, 1).view(np.uint8))
         self._np_random, self._np_random_seed = None, -1
         if self._renderer is not None:
-            self._renderer.begin([drawn_layout(episodes, 0)])
+            self._renderer.begin(episodes)
 
     def try_actions(
         self, actions: ArrayLike, states: EpisodeState | None = None, noise: np.random.Generator | None = None
@@ -606,7 +613,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
             streams.write(self._np_random, state.stream[0])
         state.begun[0] = True
         if self._renderer is not None:
-            self._renderer.begin([drawn_layout(episodes, 0)])
+            self._renderer.begin(episodes)
         return observation, episodes.single_info.at_start()
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -638,7 +645,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         if episodes.shots.status.item() >= AT_EVENT_LIMIT:
             episodes.warn_cut_off(0, before)
         if self._renderer is not None:
-            self._renderer.step([drawn_shot(episodes, 0, reward.item(), episodes.state.goals[0])])
+            self._renderer.step(episodes, reward, episodes.state.goals, (False,))
         return observation, reward.item(), over.item(), False, episodes.single_info.after_shot()
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:

@@ -22,6 +22,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.doors import Entries, offered
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.goal_observations import ACHIEVED, DESIRED, achieved_writer, write_desired
@@ -261,29 +262,6 @@ def _is_free(k, i, target, end, positions, in_play, touching):
     return in_play[k, i]
 
 
-def write_image(begin, end, images, background, layers):
-    """Writes images (m, height, width, c): the background, and layers of discs, each a kernel and its arguments."""
-    images[begin:end] = background
-    for paint, arguments in layers:
-        paint(begin, end, images, *arguments)
-
-
-def read_image(source: Source, height: int, width: int, planes: bool) -> tuple[Any, ...]:
-    """Returns the background and the layers of images in colours or in planes. Only they import the rasteriser."""
-    from billiards_env.drawing import raster
-
-    scene, arrays, numbers = source.scene, source.arrays, source.numbers
-    goals, half = arrays.goals.shape[1], raster.half_sides(scene.table)
-    colours = raster.class_colours(numbers.targets, goals) if planes else raster.ball_colours(scene)
-    empty = np.zeros((height, width, colours.shape[2]), np.uint8)
-    background = empty if planes else raster.empty_table(scene.table, height, width)
-    kinds = arrays.legal_balls if arrays.legal_balls.size else arrays.in_play  # all balls that are shown are in play
-    always = np.ones((len(arrays.over), goals), np.bool_)
-    goal = np.full(goals, numbers.goal_radius), arrays.goals, always, always, colours[-1:]
-    balls = np.array(scene.balls.radius), arrays.positions, arrays.in_play, kinds, colours
-    return background, [(raster.paint_discs, (half, discs)) for discs in (goal, balls)]
-
-
 class Feature(NamedTuple):
     """A part of observations: numbers in the row of features, or an image.
 
@@ -308,7 +286,7 @@ class Feature(NamedTuple):
     high: int = 1
 
 
-FEATURES = {
+FEATURES: Entries[Feature] = {
     "positions": Feature(
         "x and y of each ball, divided by half the length and half the width of the table",
         ("balls", 2),
@@ -450,25 +428,8 @@ FEATURES = {
         ),
         "n_players > 1, a game that is won by points",
     ),
-    "pixels": Feature(
-        'an image (red, green, blue) of the table, its balls and the goal: `("pixels", height, width)`',
-        ("height", "width", 3),
-        0.0,
-        write_image,
-        lambda source, height, width: read_image(source, height, width, planes=False),
-        high=255,
-    ),
-    "planes": Feature(
-        "images of the cue ball, of the object balls to play, of the other ones and, in a task with a goal, of the "
-        'goal: `("planes", height, width)`',
-        ("height", "width", "planes"),
-        0.0,
-        write_image,
-        lambda source, height, width: read_image(source, height, width, planes=True),
-        high=255,
-    ),
-}
-"""The features by name."""
+} | offered("observe")
+"""The features by name; attachments add images."""
 
 
 def register_feature(name: str, feature: Feature) -> None:

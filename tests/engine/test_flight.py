@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate, simulate_batch
+from billiards_env.drawing.rendering import drawn_layout
 from billiards_env.engine import PIC, Engine
 from billiards_env.engine.strikes import strike
 from billiards_env.envs import make_env
 from billiards_env.envs.actions import cue_strike
-from billiards_env.envs.rendering import drawn_layout
 from billiards_env.games import records
 from billiards_env.games.facts import facts_of
 from billiards_env.games.playing import History

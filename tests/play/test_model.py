@@ -7,6 +7,7 @@ import pytest
 
 from billiards_env import Scene, strike
 from billiards_env.drawing.pace import PACES, faster, slower
+from billiards_env.drawing.recording import recording_of
 from billiards_env.engine import PIC, Engine
 from billiards_env.games import NO_CALL, Call, History, Setup, Stroke, custom_opening, play, to_dict
 from billiards_env.games.placement import placement_area
@@ -378,7 +379,7 @@ def test_a_raised_cue_makes_the_ball_hop_in_a_scene_with_flight():
     setup = Setup("straight", Scene.named("jump_pool", 2))
     model = begin(History(setup, custom_opening(setup, STRAIGHT), ()), ("human",) * 2, 8.0, 1 / 60)
     played = after(model, (actions.look_at, (0.4, 0.3)), (actions.raise_cue, 40.0), actions.go)
-    assert np.ptp(played.last_shot.shot.recording().heights(0, np.linspace(0, 0.1, 50))) > 0.01
+    assert np.ptp(recording_of(played.last_shot.shot).heights(0, np.linspace(0, 0.1, 50))) > 0.01
     again = begin(played.history, model.players, 8.0, 1 / 60)
     assert same(played, again)
     assert after(played, actions.go, actions.replay).shown_shots[1].heights is not None
