@@ -52,6 +52,7 @@ from billiards_env.support.checks import (
     Range,
     add_entry,
     check_fields,
+    check_version,
     entry_of,
     fields_of,
     fits,
@@ -82,6 +83,9 @@ SHAPES = ("disk", "sphere")
 MARLOW = 9.951e-3, 0.108, 1.088
 """The friction between balls a + b exp(-c v) at the sliding speed v in m/s: Alciatore (2019), TP A.14, a fit of Marlow
 (1995), Table 10."""
+
+VERSION = 1
+"""The version of the data of `Scene.to_dict`, and the only one that `Scene.from_dict` reads."""
 
 CONTACT_GAP = 1e-12
 """m. Two surfaces touch if their distance is at most this. Placed balls may overlap each other, cushions and pockets by
@@ -343,14 +347,6 @@ PARAMETERS: dict[str, Parameter] = {
 vary from shot to shot and what may be fitted come from this table."""
 
 
-_FLIGHT = {
-    field.name: field.default
-    for field in dataclasses.fields(Physics)
-    if field.name == "flight" or ("parameter" in field.metadata and PARAMETERS[field.name].only == ("flight",))
-}
-"""The fields of `Physics` that only scenes with flight use, with their defaults."""
-
-
 def law_numbers(physics: Any, cushion_height: float) -> dict[str, Any]:
     """Returns the numbers that the laws read, by name, from the fields of a `Physics` and the height of the noses, m.
 
@@ -547,7 +543,8 @@ class Scene:
                 `Table`, `Physics` and `Cue`. An infinite mass may be written "inf". The table may be a name of
                 `Table.named`. With the key "base" the mapping lists changes to a named scene, and "n_object_balls" is
                 its number of object balls. Without a base, a field that is left out has its default; if the mapping has
-                all four fields of `Scene`, no field may be left out.
+                all four fields of `Scene`, no field may be left out. "version" is the version of this form; without it,
+                the data have the version `VERSION`.
 
         Returns:
             The scene; `Scene.from_dict(scene.to_dict()) == scene`.
@@ -564,6 +561,9 @@ class Scene:
         """
         if isinstance(data, Mapping) and "base" in data:
             data = _changed_base(data)
+        if isinstance(data, Mapping) and "version" in data:
+            check_version("scene.version", data["version"], VERSION)
+            data = {key: value for key, value in data.items() if key != "version"}
         fields = fields_of(Scene, "scene", data)
         complete = len(fields) == len(dataclasses.fields(Scene))
 
@@ -579,8 +579,6 @@ class Scene:
         for name in ("radius", "mass"):
             balls[name] = tuple(math.inf if v == "inf" else v for v in sequence(f"scene.balls.{name}", balls[name]))
         fields["balls"] = Balls(**balls)
-        if complete and isinstance(fields["physics"], Mapping):
-            fields["physics"] = {**_FLIGHT, **fields["physics"]}
         for name, kind in (("physics", Physics), ("cue", Cue)):
             if name in fields:
                 fields[name] = kind(**parts(kind, name))
@@ -598,9 +596,7 @@ class Scene:
             data["table"][name] = list(data["table"][name])
         for name in ("radius", "mass"):
             data["balls"][name] = ["inf" if math.isinf(v) else v for v in data["balls"][name]]
-        if not self.physics.flight:  # as before there were flights, so hashes and files stay the same
-            data["physics"] = {k: v for k, v in data["physics"].items() if k not in _FLIGHT or v != _FLIGHT[k]}
-        return data
+        return {"version": VERSION, **data}
 
 
 def _changed_base(changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -36,10 +36,9 @@ def changed(*path, to: Any = ...):
 
 
 def incomplete(part):
-    """Returns a call of `Scene.from_dict` with a whole scene, but without the last value of a part that is not 0."""
-    last = [key for key, value in Scene.named("real_pool").to_dict()[part].items() if value != 0.0][-1]
+    """Returns a call of `Scene.from_dict` with a whole scene, but without the last value of a part."""
     data = Scene.named("real_pool").to_dict()
-    del data[part][last]
+    last, _ = data[part].popitem()
     return of(Scene.from_dict, data), f"scene.{part}.{last} is missing: expected all values in a whole scene"
 
 
