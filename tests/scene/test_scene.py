@@ -38,7 +38,7 @@ def test_pool_has_six_pockets_on_the_cushion_line():
 
 
 def test_carom_scenes_have_a_match_table_without_pockets():
-    carom, pooltool = Scene.named("carom"), Scene.named("pooltool_carom")
+    carom, pooltool = Scene.named("carom"), Scene.named("benchmarks:pooltool_carom")
     assert carom.table == pooltool.table == Table(2.84, 1.42, 0.037)
     assert carom.balls == pooltool.balls == Balls.uniform(3, 0.03075, 0.21)
     assert carom.physics == Physics()
