@@ -120,7 +120,6 @@ study: $(WORKS) $(SIMULATORS)  ## train policies with several timesteps and comp
 	$(WORK)/python -m studies.timestep $(SPREAD)
 	$(WORK)/python -m studies.timestep_shots
 	$(WORK)/python -m studies.other_simulators
-	$(WORK)/python -m studies.derivatives
 	$(WORK)/python -m studies.readme
 
 rllib: $(RLLIB)  ## install RLlib in .venv-rllib, test it on a cluster of two nodes on this machine, and train a little

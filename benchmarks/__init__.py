@@ -25,6 +25,8 @@ from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
+from benchmarks.scenes import SCENES
+from billiards_env.scene import register_scene
 from billiards_env.support.checks import Range, integer
 from billiards_env.support.commands import Parser, ending
 from billiards_env.support.files import check_path, write_atomically, write_json
@@ -32,6 +34,9 @@ from billiards_env.support.files import check_path, write_atomically, write_json
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from PIL.Image import Image
+
+for _name, _scene in SCENES.items():
+    register_scene(_name, _scene)
 
 ROOT = Path(__file__).resolve().parent.parent
 IMAGES = ROOT / "docs" / "images"

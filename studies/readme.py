@@ -37,7 +37,6 @@ SOURCES = {
         "benchmarks.validation",
         "benchmarks.vector",
         "benchmarks.release.dist",
-        "studies.derivatives",
         "studies.leaderboard",
         "studies.learning",
         "studies.other_simulators",

@@ -13,7 +13,6 @@ TESTED = {
     "benchmarks.calibration",
     "benchmarks.gradients",
     "benchmarks.real_tracks",
-    "studies.derivatives",
     "studies.figures",
     "studies.frozen_tasks",
     "studies.leaderboard",

@@ -265,8 +265,6 @@ def to_json(bench: Bench) -> str:
         data["actions"] = base64.b64encode(result.actions.astype("<f4").tobytes()).decode()
         data["success"] = "".join("01"[won] for won in result.success.astype(int))
         data["returns"] = result.returns.tolist()
-        if result.noise_seed is None:
-            del data["noise_seed"]  # older files do not have this key
         results.append(data)
     return records.json_text(BENCH, {"player": bench.player, "results": results})
 
@@ -318,7 +316,7 @@ def _bench_of(data: dict[str, Any]) -> Bench:
 
 
 def _result_of(name: str, item: Any) -> Result:
-    data = records.fields(name, {"noise_seed": None, **item} if isinstance(item, dict) else item, Result._fields)
+    data = records.fields(name, item, Result._fields)
     one_of(f"{name}.task", data["task"], tuple(FROZEN))
     if data["noise_seed"] is not None:
         integer(f"{name}.noise_seed", data["noise_seed"], _SEEDS)

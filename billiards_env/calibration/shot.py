@@ -119,16 +119,14 @@ def prepare(scene: Scene, track: Track, noise: float, known: Floats | None = Non
     filled, added = with_rest(track)
     exchanged = find_exchange(scene, track)
     first = first_balls(_without_exchange(filled, exchanged), noise)
-    cue_ball = first[0]
-    contacts = find_contacts(scene, filled.rows(filled.times < exchanged[2]), cue_ball)
+    contacts = find_contacts(scene, filled.rows(filled.times < exchanged[2]), first[0])
     least = max(_MOVED, 4.0 * noise)
     spans = {ball: _moving_span(path, least) for ball, (_, path) in filled.paths().items()}
     rest = _places_of_rest(scene, filled, spans)
-    hit = min((contact.time for contact in contacts if contact.ball == cue_ball), default=np.inf)
-    starts, begin, gap = _guess_starts(filled.paths()[cue_ball], spans[cue_ball][0] - 1, rest, cue_ball, hit, least)
-    known = _known_numbers(scene, gap, known)
+    starts, begin, gap = _guess_starts(filled, spans, rest, first[0], contacts, least)
     if gap == 0.0:
-        rest[cue_ball] = np.nan  # the cue ball has left it
+        rest[first[0]] = np.nan  # the cue ball has left it
+    known = _known_numbers(scene, gap, known)
     prior, target = _prior(rest, max(_REST, noise))
     return Shot(
         track=filled,
@@ -184,22 +182,23 @@ def _places_of_rest(scene: Scene, track: Track, spans: Spans) -> Floats:
 
 
 def _guess_starts(
-    path: tuple[Floats, Floats], last: int, rest: Floats, cue_ball: int, hit: float, least: float
+    track: Track, spans: Spans, rest: Floats, cue_ball: int, contacts: list[Contact], least: float
 ) -> tuple[Floats, float, float]:
-    """Guesses the start of a shot from lines through the first rows of the cue ball after its rest.
+    """Guesses the start of a shot from lines through the first rows of the cue ball between its rest and a contact.
 
     Args:
-        path: The times (k,), s, and the places (k, 2), m, of the cue ball.
-        last: Its last row at rest.
+        track: The track.
+        spans: The moving rows of each ball.
         rest: (n, 2) m, the places of rest.
         cue_ball: The cue ball.
-        hit: s, its first contact.
+        contacts: The contacts.
         least: m, a ball is at rest within this distance.
 
     Returns:
         A start for each of `_WINDOWS`, `Shot.begin` and `Shot.gap`.
     """
-    (t, p), n = path, len(rest)
+    (t, p), last, n = track.paths()[cue_ball], spans[cue_ball][0] - 1, len(rest)
+    hit = min((contact.time for contact in contacts if contact.ball == cue_ball), default=np.inf)
     begin, gap = float(t[0]), 0.0
     starts = np.zeros((len(_WINDOWS), 2 * n + 6))
     places = starts[:, PLACES].reshape(-1, n, 2)  # a view

@@ -93,15 +93,19 @@ def model_contacts(scene: Scene, shot: Shot, ball: int) -> Iterator[Contact]:
 
 def _motion(record: Record, balls: Ints, times: Floats) -> tuple[Floats, Floats]:
     """Returns the places and the velocities of balls (r,) at times (g, r) of g simulated shots, (g, r, 2) each."""
-    n, span = record.scene.n_balls, float(record.time.max()) + 1.0
+    shots = np.arange(len(times))
     paths = Trajectory.of(np.concatenate([p.segments[p.bounds[0, 1] : p.bounds[-1, 1]] for p in record.parts]))
-    counts = np.concatenate([np.diff(part.bounds[:, 1]) for part in record.parts])
-    owner = np.repeat(np.arange(len(times)), counts) * n + paths.ball
+    pieces = np.concatenate([np.diff(part.bounds[:, 1]) for part in record.parts])  # of each shot
+    # A key orders by shot, by ball and by time. The last piece that begins at or before a time has its place.
+    span = float(record.time.max()) + 1.0
+    owner = np.repeat(shots, pieces) * record.scene.n_balls + paths.ball
     order = np.argsort(owner, kind="stable")  # those of a ball stay in the order of time
-    keys = (np.arange(len(times))[:, None] * n + balls) * span + times
-    last = order[np.searchsorted((owner * span + paths.start)[order], keys.ravel(), side="right") - 1]
-    places, velocities = paths.at_pieces(last, times.ravel()), paths.velocities_on(last, times.ravel())
-    return places.reshape(*times.shape, 2), velocities.reshape(*times.shape, 2)
+    begins = (owner * span + paths.start)[order]
+    sought = (shots[:, None] * record.scene.n_balls + balls) * span + times
+    piece = order[np.searchsorted(begins, sought.ravel(), side="right") - 1]
+    motion = paths.at_pieces(piece, times.ravel()), paths.velocities_on(piece, times.ravel())
+    places, velocities = (part.reshape(*times.shape, 2) for part in motion)
+    return places, velocities
 
 
 def errors(scene: Scene, shot: Shot) -> Floats:
@@ -117,25 +121,29 @@ def linearised(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = 
         (g, q) the errors of the q / 2 used rows over `Shot.scale`, and of the prior over `CAUCHY`; (g, q, width + s).
     """
     record = run(scene, starts, shot)._record("evaluate")
-    rows = np.flatnonzero(shot.used)
-    ball, (g, width) = shot.track.balls[rows], starts.shape
-    times, frame = np.unique(np.append(0.0, shot.time[rows]), return_inverse=True)
-    frame = frame[1:]
-    # The simulated shots begin at the strike.
-    clock = np.clip(times - starts[:, INSTANT, None], 0.0, record.time[:, None])
-    places, velocities = _motion(record, ball, clock[:, frame])
-    rates = start_jacobians(record, clock, shot.cue_ball, names, 1)
-    rates = np.moveaxis(rates[np.arange(g)[:, None], frame, :, ball], 2, 3)  # (g, r, 2, lanes)
-    off = ((places - shot.track.positions[rows]) / shot.scale).reshape(g, -1)
-    values = np.concatenate((off, (starts @ shot.prior.T - shot.target) / CAUCHY), axis=1)
-    jacobian = np.zeros((*values.shape, width + len(names)))
-    by_row = jacobian[:, : off.shape[1]].reshape(*places.shape, width + len(names))  # a view
-    by_row[..., : width - 1], by_row[..., width:] = rates[..., : width - 1], rates[..., width - 1 :]
-    by_row[..., width - 1] = np.where((shot.time[rows] > starts[:, INSTANT, None])[..., None], -velocities, 0.0)
-    by_row /= shot.scale
-    jacobian[:, off.shape[1] :, :width] = shot.prior / CAUCHY
+    width = starts.shape[1]
+    balls, positions = shot.track.balls[shot.used], shot.track.positions[shot.used]
+    times, frame = np.unique(np.append(0.0, shot.time[shot.used]), return_inverse=True)
+    frame = frame[1:]  # of each row
+    since = times - starts[:, INSTANT, None]  # (g, times), s after the strike, where the simulated shots begin
+    clock = np.clip(since, 0.0, record.time[:, None])
+    places, velocities = _motion(record, balls, clock[:, frame])
+    by_prior = starts @ shot.prior.T - shot.target
+    values = np.concatenate((_by_number(places - positions) / shot.scale, by_prior / CAUCHY), axis=1)
+
+    rates = start_jacobians(record, clock, shot.cue_ball, names, 1)[np.arange(len(starts))[:, None], frame, :, balls]
+    by_start, by_constant = np.split(np.moveaxis(rates, 2, 3), [width - 1], axis=3)  # (g, r, 2, ...)
+    by_instant = np.where(since[:, frame, None] > 0.0, -velocities, 0.0)
+    of_rows = _by_number(np.concatenate((by_start, by_instant[..., None], by_constant), axis=3)) / shot.scale
+    of_prior = np.append(shot.prior, np.zeros((len(shot.prior), len(names))), axis=1) / CAUCHY
+    jacobian = np.concatenate((of_rows, np.broadcast_to(of_prior, (len(starts), *of_prior.shape))), axis=1)
     jacobian[..., :width] *= np.isnan(shot.known)
     return values, jacobian
+
+
+def _by_number(rows: Floats) -> Floats:
+    """Returns numbers of x and y of rows (g, r, 2, ...) as (g, 2 r, ...)."""
+    return rows.reshape(len(rows), -1, *rows.shape[3:])
 
 
 def evaluate(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = ()) -> Normal:

@@ -123,29 +123,12 @@ def checked_state(state: Any, kind: np.dtype[np.void], model: Model, count: int)
         ValueError: If it is a state of another scene or task, has another number of rows, or holds invalid numbers.
     """
     _check_fields(state)
-    rows = _completed(np.asarray(state).reshape(-1), kind)
+    rows = np.asarray(state).reshape(-1)
     if len(rows) not in (1, count):
         raise ValueError(f"state has {len(rows)} rows: expected {count}" + " or 1" * (count > 1))
     for part in parts(len(rows)):
         _check_rows(rows[part], kind, model)
     return rows
-
-
-def _completed(rows: EpisodeState, kind: np.dtype[np.void]) -> EpisodeState:
-    """Returns the rows of an older version with 0 in the fields of games that it lacks; others as they are."""
-    older = rows.dtype["game"].base.names or ()
-    if rows.dtype == kind or not set(older[:-1]) < set(STATE.names or ()):
-        return rows
-    full = np.zeros(len(rows), kind)
-    for name in StateArrays._fields:
-        if name in ("game", "before_game"):
-            for field in older[:-1]:  # without `spare`
-                full[name][field] = rows[name][field]
-        elif rows.dtype[name] == kind[name]:
-            full[name] = rows[name]
-        else:
-            return rows
-    return full
 
 
 def _check_fields(state: Any) -> None:

@@ -13,7 +13,6 @@ import numpy as np
 
 from billiards_env.games.game_state import CALLS, to_dict
 from billiards_env.games.playing import (
-    COUNTS,
     STATE_FIELDS,
     Call,
     GameState,
@@ -154,12 +153,9 @@ def to_json(record: Record) -> str:
         return shots.to_json(record)
     if not isinstance(record, GameRecord):
         raise TypeError(f"record = {short(record)}: expected the result of ShotResult.to_record or record_game")
-    setup, state = record.setup, to_dict(record.state)
-    data = shots.plain(setup)
-    usual = {"edition": setup.game_rules.editions[0], "innings": 0}
-    data = {name: value for name, value in data.items() if name not in usual or value != usual[name]}
+    data, state = shots.plain(record.setup), to_dict(record.state)
     data["positions"] = record.positions
-    data["state"] = {name: state[name] for name in STATE_FIELDS if name not in COUNTS or state[name]}
+    data["state"] = {name: state[name] for name in STATE_FIELDS}
     data["strokes"] = [stroke._asdict() | {"call": stroke.call._asdict()} for stroke in record.strokes]
     data["end"] = dataclasses.asdict(record.end)
     return shots.json_text(GAME, data)
@@ -174,27 +170,18 @@ def from_json(text: str) -> Record:
     return shots.parse(text, {shots.SHOT: shots.read_shot, GAME: _game})
 
 
-_SETTINGS = ("edition", "innings")
-"""The settings that a file has only if they are not the default, as `COUNTS` of the state: older files stay valid."""
-_GAME_FIELDS = (*shots.HEAD, "rules", "n_players", "target", "call_shot", "miss", "state", "strokes")
-
+_SETTINGS = ("rules", "n_players", "target", "call_shot", "miss", "edition", "innings")
+_GAME_FIELDS = (*shots.HEAD, *_SETTINGS, "state", "strokes")
 _GAME_END = tuple(field.name for field in dataclasses.fields(GameEnd))
 
 
 def _game(data: dict[str, Any]) -> GameRecord:
-    if data["version"] < shots.VERSION:
-        raise ValueError(
-            f"version = {data['version']}: expected {shots.VERSION} for a game; the file has older rules and no calls"
-        )
-    fields("the file", data, _GAME_FIELDS, _SETTINGS)
+    fields("the file", data, _GAME_FIELDS)
     scene, engine = head(data)
     n = scene.n_balls
-    settings = {name: data[name] for name in _SETTINGS if name in data}
-    setup = Setup(
-        data["rules"], scene, data["n_players"], data["target"], engine, data["call_shot"], data["miss"], **settings
-    )
+    setup = Setup(scene=scene, engine=engine, **{name: data[name] for name in _SETTINGS})
     positions = rows_of("positions", data["positions"], n, 2)
-    state = custom_opening(setup, positions, fields("state", data["state"], STATE_FIELDS[: -len(COUNTS)], COUNTS)).state
+    state = custom_opening(setup, positions, fields("state", data["state"], STATE_FIELDS)).state
     strokes = []
     for i, item in enumerate(items("strokes", data["strokes"])):
         stroke = fields(f"strokes[{i}]", item, Stroke._fields)

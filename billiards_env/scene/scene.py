@@ -52,6 +52,7 @@ from billiards_env.support.checks import (
     Range,
     add_entry,
     check_fields,
+    check_version,
     entry_of,
     fields_of,
     fits,
@@ -82,6 +83,9 @@ SHAPES = ("disk", "sphere")
 MARLOW = 9.951e-3, 0.108, 1.088
 """The friction between balls a + b exp(-c v) at the sliding speed v in m/s: Alciatore (2019), TP A.14, a fit of Marlow
 (1995), Table 10."""
+
+VERSION = 1
+"""The version of the data of `Scene.to_dict`, and the only one that `Scene.from_dict` reads."""
 
 CONTACT_GAP = 1e-12
 """m. Two surfaces touch if their distance is at most this. Placed balls may overlap each other, cushions and pockets by
@@ -343,14 +347,6 @@ PARAMETERS: dict[str, Parameter] = {
 vary from shot to shot and what may be fitted come from this table."""
 
 
-_FLIGHT = {
-    field.name: field.default
-    for field in dataclasses.fields(Physics)
-    if field.name == "flight" or ("parameter" in field.metadata and PARAMETERS[field.name].only == ("flight",))
-}
-"""The fields of `Physics` that only scenes with flight use, with their defaults."""
-
-
 def law_numbers(physics: Any, cushion_height: float) -> dict[str, Any]:
     """Returns the numbers that the laws read, by name, from the fields of a `Physics` and the height of the noses, m.
 
@@ -513,13 +509,10 @@ class Scene:
         Args:
             name: "pool" (9-foot table with six pockets), "blocked_pool" (the same, with ball 2 as a fixed obstacle),
                 "carom" (no pockets), "ideal" (no friction, no loss of energy and no pockets; a shot ends after 10 s),
-                "pooltool_carom" (carom with elastic balls, as in the reference shots made with pooltool),
                 "sum_to_three" (the small table of pooltool's game of that name), "real_pool" (9-foot table with the
-                jaws of the pockets), "real_carom" (carom), "match_carom" or "match_carom_2" (carom with numbers of
-                two fits to tracks of a match table), "snooker" (15 red balls, then yellow, green, brown, blue, pink and
-                black), "uk_pool" (small table, smaller cue ball), "jump_pool" ("pool" with balls that leave the cloth),
-                "pooltool_pool" or "pooltool_real_carom" (7-foot pool table and carom table of reference shots made with
-                pooltool).
+                jaws of the pockets), "real_carom" (carom), "match_carom" (carom with numbers fitted to tracks of a
+                match table), "snooker" (15 red balls, then yellow, green, brown, blue, pink and black), "uk_pool"
+                (small table, smaller cue ball) or "jump_pool" ("pool" with balls that leave the cloth).
             n_object_balls: Number of object balls; None for the default: 21 in "snooker", 15 in "uk_pool", 2 in the
                 carom scenes and in "blocked_pool", 1 in the others.
 
@@ -547,7 +540,8 @@ class Scene:
                 `Table`, `Physics` and `Cue`. An infinite mass may be written "inf". The table may be a name of
                 `Table.named`. With the key "base" the mapping lists changes to a named scene, and "n_object_balls" is
                 its number of object balls. Without a base, a field that is left out has its default; if the mapping has
-                all four fields of `Scene`, no field may be left out.
+                all four fields of `Scene`, no field may be left out. "version" is the version of this form; without it,
+                the data have the version `VERSION`.
 
         Returns:
             The scene; `Scene.from_dict(scene.to_dict()) == scene`.
@@ -564,6 +558,9 @@ class Scene:
         """
         if isinstance(data, Mapping) and "base" in data:
             data = _changed_base(data)
+        if isinstance(data, Mapping) and "version" in data:
+            check_version("scene.version", data["version"], VERSION)
+            data = {key: value for key, value in data.items() if key != "version"}
         fields = fields_of(Scene, "scene", data)
         complete = len(fields) == len(dataclasses.fields(Scene))
 
@@ -579,8 +576,6 @@ class Scene:
         for name in ("radius", "mass"):
             balls[name] = tuple(math.inf if v == "inf" else v for v in sequence(f"scene.balls.{name}", balls[name]))
         fields["balls"] = Balls(**balls)
-        if complete and isinstance(fields["physics"], Mapping):
-            fields["physics"] = {**_FLIGHT, **fields["physics"]}
         for name, kind in (("physics", Physics), ("cue", Cue)):
             if name in fields:
                 fields[name] = kind(**parts(kind, name))
@@ -598,9 +593,7 @@ class Scene:
             data["table"][name] = list(data["table"][name])
         for name in ("radius", "mass"):
             data["balls"][name] = ["inf" if math.isinf(v) else v for v in data["balls"][name]]
-        if not self.physics.flight:  # as before there were flights, so hashes and files stay the same
-            data["physics"] = {k: v for k, v in data["physics"].items() if k not in _FLIGHT or v != _FLIGHT[k]}
-        return data
+        return {"version": VERSION, **data}
 
 
 def _changed_base(changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -646,26 +639,8 @@ def _ideal(n_balls: int) -> Scene:
     return Scene(Balls.uniform(n_balls), Table(), physics)
 
 
-def _pooltool_spin_decay(radius: float) -> float:
-    # pooltool's spin coefficient is a length, 4/9 of a radius; its spin decays at 5 mu_spin g / (2 R).
-    return 5 * (4 / 90 * 10 * radius) * 9.81 / (2 * radius)
-
-
-def _pooltool_carom(n_balls: int) -> Scene:
-    physics = Physics(e_ball=1.0, mu_cushion=0.15, spin_decay=_pooltool_spin_decay(_CAROM_RADIUS))
-    return dataclasses.replace(_carom(n_balls), physics=physics)
-
-
-# The cue of pooltool 0.6, which has an elastic tip and no miscues
-_POOLTOOL_CUE = Cue(mass=0.567, tip_restitution=1.0, end_mass=0.0056699, miscue_offset=1.0)
-
 # The physics of the scenes with the cushions of real tables
 _REAL = Physics(ball_ball="frictional", cushion="stronge")
-
-
-def _pooltool_real(radius: float, mu_cushion: float) -> Physics:
-    spin_decay = _pooltool_spin_decay(radius)
-    return dataclasses.replace(_REAL, e_ball=1.0, mu_cushion=mu_cushion, spin_decay=spin_decay)
 
 
 def _real_pool(n_balls: int) -> Scene:
@@ -705,33 +680,6 @@ def _match_carom(n_balls: int) -> Scene:
     return dataclasses.replace(_carom(n_balls), physics=physics)
 
 
-def _match_carom_2(n_balls: int) -> Scene:
-    """Returns a scene fitted to the shots of `_match_carom`, with another term of the cushions, see docs/validation.md.
-
-    The gain by the slip replaces the gain by the topspin. The 95% intervals of the fit are mu_slide 0.168 to 0.201,
-    mu_roll 0.0033 to 0.0037, mu_roll_speed 0.0022 to 0.0028 s/m, spin_decay 0.9 to 4.2 rad/s^2, e_ball 0.947 to 0.957,
-    mu_ball_factor 0.89 to 1.49, mu_ball_decay 0.08 to 0.33 s/m, e_cushion 0.815 to 0.843, e_cushion_loss 0.003 to 0.023
-    s/m, e_cushion_slip 0.067 to 0.126, e_cushion_tangent 0.07 to 0.25 and mu_cushion 0.217 to 0.221.
-    """
-    physics = Physics(
-        ball_ball="frictional",
-        cushion="han2005_variable",
-        mu_slide=0.185,
-        mu_roll=0.0035,
-        mu_roll_speed=0.0025,
-        spin_decay=2.5,
-        e_ball=0.952,
-        mu_ball_factor=1.19,
-        mu_ball_decay=0.2,
-        e_cushion=0.829,
-        e_cushion_loss=0.013,
-        e_cushion_slip=0.097,
-        e_cushion_tangent=0.16,
-        mu_cushion=0.219,
-    )
-    return dataclasses.replace(_carom(n_balls), physics=physics)
-
-
 def _snooker(n_balls: int) -> Scene:
     balls = Balls.uniform(n_balls, _SNOOKER_RADIUS, _SNOOKER_MASS)
     physics = Physics(
@@ -757,18 +705,10 @@ def _uk_pool(n_balls: int) -> Scene:
     return Scene(Balls(radius, mass, "uk", "sphere"), Table.named("uk_7ft"), _REAL)
 
 
-def _pooltool_real_carom(n_balls: int) -> Scene:
-    return dataclasses.replace(_carom(n_balls), physics=_pooltool_real(_CAROM_RADIUS, 0.15), cue=_POOLTOOL_CUE)
-
-
-def _pooltool_pool(n_balls: int) -> Scene:
-    physics = _pooltool_real(POOL_RADIUS, 0.2)
-    return Scene(Balls.uniform(n_balls), Table.named("pool_7ft"), physics, _POOLTOOL_CUE)
-
-
 def _sum_to_three(n_balls: int) -> Scene:
     # pooltool's game of that name, as LightZero plays it (Niu et al. 2023; zoo/pooltool).
-    physics = dataclasses.replace(_pooltool_carom(n_balls).physics, mu_slide=0.5, mu_cushion=0.5)
+    spin_decay = 5 * (4 / 90 * 10 * _CAROM_RADIUS) * 9.81 / (2 * _CAROM_RADIUS)  # its coefficient is 4/9 of a radius
+    physics = Physics(e_ball=1.0, mu_slide=0.5, mu_cushion=0.5, spin_decay=spin_decay)
     return Scene(Balls.uniform(n_balls, 0.03048, 0.21), Table(1.22, 0.61, 0.036576), physics)
 
 
@@ -796,16 +736,12 @@ _NAMED: dict[str, NamedScene] = {
     "blocked_pool": NamedScene(_blocked_pool, 2, 15),
     "carom": NamedScene(_carom, 2, 15),
     "ideal": NamedScene(_ideal, 1, 500),
-    "pooltool_carom": NamedScene(_pooltool_carom, 2, 15),
     "sum_to_three": NamedScene(_sum_to_three, 1, 15),
     "real_pool": NamedScene(_real_pool, 1, 15),
     "real_carom": NamedScene(_real_carom, 2, 15),
     "match_carom": NamedScene(_match_carom, 2, 15),
-    "match_carom_2": NamedScene(_match_carom_2, 2, 15),
     "snooker": NamedScene(_snooker, 21, 21),
     "uk_pool": NamedScene(_uk_pool, 15, 15),
-    "pooltool_pool": NamedScene(_pooltool_pool, 1, 15),
-    "pooltool_real_carom": NamedScene(_pooltool_real_carom, 2, 15),
     "jump_pool": NamedScene(_jump_pool, 1, 15),
 }
 SCENES = tuple(_NAMED)

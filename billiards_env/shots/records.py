@@ -33,12 +33,12 @@ from billiards_env.engine.compile import Engine
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import STATUS
 from billiards_env.scene import Scene
-from billiards_env.support.checks import Range, flag, integer, one_of, real, short
+from billiards_env.support.checks import Range, check_version, flag, integer, one_of, real, short
 from billiards_env.support.files import read_text, replacing
 from billiards_env.version import __version__
 
 VERSION = 2
-"""The version of the format that is written, and the newest version that is read."""
+"""The version of the format that is written, and the only one that is read."""
 
 MAX_BYTES = 4 * 2**20
 """The largest file that is read. The parsed data can take thirty times as much memory."""
@@ -219,12 +219,7 @@ def parse(text: str, kinds: Mapping[str, Callable[[dict[str, Any]], T]], what: s
     kind: Any = _mapping("the file", data).get("format")
     if kind not in tuple(kinds):
         raise ValueError(f"format = {short(kind)}: expected {' or '.join(map(repr, kinds))}")
-    version = integer("version", data.get("version"), Range(1, None))
-    if version > VERSION:
-        raise ValueError(
-            f"version = {version}: expected at most {VERSION}; the file was written by a newer version of "
-            f"billiards_env ({short(data.get('written_by'))})"
-        )
+    check_version("version", data.get("version"), VERSION)
     try:
         return kinds[kind](data)
     except (TypeError, OverflowError, RecursionError) as error:  # a wrong type, or a number too large for a float
@@ -311,11 +306,11 @@ def _mapping(name: str, value: Any) -> dict[str, Any]:
     return value
 
 
-def fields(name: str, value: Any, keys: tuple[str, ...], optional: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Returns `value`; raises unless it is a mapping with exactly the given keys, and any of the optional ones."""
+def fields(name: str, value: Any, keys: tuple[str, ...]) -> dict[str, Any]:
+    """Returns `value`; raises unless it is a mapping with exactly the given keys."""
     data = _mapping(name, value)
     for key in data:
-        if key not in (*keys, *optional):
+        if key not in keys:
             raise ValueError(f"key {short(key)} of {name} is unknown: expected {', '.join(map(repr, keys))}")
     for key in keys:
         if key not in data:

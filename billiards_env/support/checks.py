@@ -385,6 +385,12 @@ def check_fields(owner: object, prefix: str, **ranges: str) -> None:
         object.__setattr__(owner, name, real(f"{prefix}.{name}", getattr(owner, name), within))
 
 
+def check_version(name: str, value: Any, own: int) -> None:
+    """Raises a ValueError unless data have the version `own` of their form."""
+    if type(value) is not int or value != own:
+        raise ValueError(f"{name} = {short(value)}: expected {own}; another version of billiards_env wrote the data")
+
+
 def sequence(name: str, values: Any) -> tuple[Any, ...]:
     """Returns a list as a tuple. Raises a TypeError for a value that is not a list or a tuple."""
     if not isinstance(values, (list, tuple)):
@@ -395,8 +401,7 @@ def sequence(name: str, values: Any) -> tuple[Any, ...]:
 def fields_of(kind: type, name: str, data: Any, complete: bool = False) -> dict[str, Any]:
     """Returns `data` as keyword arguments of the dataclass `kind`.
 
-    Raises an error if a key is unknown or missing; with `complete` a key with a default other than 0 may not be missing
-    either. A new number has the default 0 and no effect then, so data of earlier versions stay valid.
+    Raises an error if a key is unknown or missing; with `complete` a key with a default may not be missing either.
     """
     if not isinstance(data, Mapping):
         raise TypeError(f"{name} = {short(data)}: expected a mapping")
@@ -406,7 +411,7 @@ def fields_of(kind: type, name: str, data: Any, complete: bool = False) -> dict[
     for key, field in fields.items():
         if key not in data and field.default is field.default_factory:  # both are missing
             raise ValueError(f"{name}.{key} is missing: expected a value, it has no default")
-        if key not in data and complete and field.default != 0.0:
+        if key not in data and complete:
             raise ValueError(
                 f"{name}.{key} is missing: expected all values in a whole scene; changes of a named scene need the key "
                 '"base", such as {"base": "pool", "physics": {"mu_roll": 0.012}}'

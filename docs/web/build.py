@@ -67,10 +67,7 @@ SECTION = "billiards"
 TRIPLE, FEATURES = "wasm32-unknown-unknown", "+bulk-memory,+mutable-globals,+nontrapping-fptoint,+sign-ext"
 STACK = 1 << 20  # bytes
 
-SCENES = (
-    *("pool", "carom", "ideal", "blocked_pool", "sum_to_three", "real_pool", "pooltool_pool"),
-    *("real_carom", "pooltool_real_carom"),
-)
+SCENES = "pool", "carom", "ideal", "blocked_pool", "sum_to_three", "real_pool", "real_carom"
 BALLS = 15
 """Largest number of object balls."""
 

@@ -157,7 +157,7 @@ HOSTILE = {
     "wrong hash": (set_result("digest", "0" * 63 + "\n"), r"results\[0\]\.digest = .*: expected 64 hexadecimal digits"),
     "truncated": (lambda text: text[:-200], "line .*: expected the JSON of a benchmark"),
     "foreign": (lambda text: '{"format": "billiards_env/shot"}', "format = 'billiards_env/shot': expected 'bill"),
-    "newer": (edit(lambda data: data.update(version=99)), "version = 99: expected at most"),
+    "newer": (edit(lambda data: data.update(version=99)), "version = 99: expected 2"),
     "deep": (lambda text: "[" * 100_000, "nested too deeply|expected the JSON of a benchmark"),
     "oversized": (lambda text: text + " " * records.MAX_BYTES, "a file of more than 4194304 bytes"),
     "NaN": (lambda text: text.replace('"returns": [', '"returns": [NaN, ', 1), "NaN: expected a finite number"),

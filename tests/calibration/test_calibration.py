@@ -192,7 +192,7 @@ def test_the_shots_of_pooltool_give_its_numbers():
         places = np.array([*shot["positions"], *shot["final"]])
         shot_tracks.append(Track(f"{k}", times, np.tile(np.arange(n), 2), places))
         velocities.append(shot["velocity"])
-    scene = Scene.named("pooltool_carom", max(len(shot["positions"]) for shot in simple) - 1)
+    scene = Scene.named("benchmarks:pooltool_carom", max(len(shot["positions"]) for shot in simple) - 1)
     truth = {name: getattr(scene.physics, name) for name in ("mu_slide", "mu_roll", "e_cushion", "mu_cushion")}
     off = with_physics(scene, mu_slide=0.21, mu_roll=0.0097, e_cushion=0.83, mu_cushion=0.155)
     spins = np.zeros((len(shot_tracks), 3))

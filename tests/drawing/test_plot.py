@@ -129,7 +129,7 @@ def test_carom_tables_and_striped_balls_can_be_drawn(elsewhere):
 
 
 def test_the_times_of_hits_in_the_jaws_are_on_the_nearest_rail():
-    scene = Scene.named("pooltool_pool")
+    scene = Scene.named("benchmarks:pooltool_pool")
     shot = simulate(scene, [[0.85, 0.42], [-0.5, 0.0]], [1.0, 0.75], record=True)
     hits = shot.events[shot.events["kind"] == "cushion"]
     assert hits["other"].max() > 3

@@ -42,7 +42,7 @@ def in_order(events):
 @pytest.mark.parametrize("number", range(len(SHOTS)))
 def test_a_shot_agrees_with_pooltool(number):
     shot = SHOTS[number]
-    scene = Scene.named("pooltool_carom", len(shot["positions"]) - 1)
+    scene = Scene.named("benchmarks:pooltool_carom", len(shot["positions"]) - 1)
     result = simulate(scene, shot["positions"], shot["velocity"], record=True)
     events = result.events[result.events["kind"] != "spinning_rest"]  # pooltool has no end of a spin in place
     expected = shot["events"]

@@ -111,26 +111,6 @@ def test_a_state_survives_a_file(tmp_path):
             load_state(tmp_path / f"{name}.npz")
 
 
-def test_a_state_of_an_older_version_is_completed():
-    """In older versions the state of a game had fewer fields."""
-    env, other = make_env(task="nine_ball", n_players=2), make_env(task="nine_ball", n_players=2)
-    env.reset(seed=1)
-    env.step(random_actions(env, 1, 0)[0])
-    state: Any = env.get_state()
-    added = {"touching", "innings", "in_sight", "misses", "inning", "breaker", "idle", "edition"}
-    names = cast(Any, STATE).names
-    older: Any = np.dtype([(name, STATE[name]) for name in names if name not in added])
-    kind = [(name, older if name == "game" else state.dtype[name]) for name in state.dtype.names]
-    old = np.zeros(1, kind)
-    for name in state.dtype.names:
-        for part in older.names if name == "game" else ():
-            old[name][part] = state[name][part]
-        if name not in ("game", "before_game"):
-            old[name] = state[name]
-    other.set_state(old)
-    assert other.get_state().tobytes() == state.tobytes()
-
-
 def test_equal_states_have_equal_bytes(tmp_path):
     env, envs = make_env(**NINE), make_vector_env(3, **NINE)
     env.reset(seed=0)

@@ -72,7 +72,8 @@ def draw_shot(seed):
     arrangement, n = [("random", rng.integers(1, 8)), ("tight_rack", 15), ("tight_rack", 6), ("rack", 10)][
         rng.integers(4)
     ]
-    scene = Scene.named(name if name in ("carom", "ideal", "pooltool_carom") else "pool", int(n))
+    names = {"carom": "carom", "ideal": "ideal", "pooltool_carom": "benchmarks:pooltool_carom"}
+    scene = Scene.named(names.get(name, "pool"), int(n))
     scene = dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, **WORLDS[name]))
     positions = layouts.draw(arrangement, scene, rng)
     velocities, spins = np.zeros((scene.n_balls, 2)), None

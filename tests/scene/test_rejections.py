@@ -36,10 +36,9 @@ def changed(*path, to: Any = ...):
 
 
 def incomplete(part):
-    """Returns a call of `Scene.from_dict` with a whole scene, but without the last value of a part that is not 0."""
-    last = [key for key, value in Scene.named("real_pool").to_dict()[part].items() if value != 0.0][-1]
+    """Returns a call of `Scene.from_dict` with a whole scene, but without the last value of a part."""
     data = Scene.named("real_pool").to_dict()
-    del data[part][last]
+    last, _ = data[part].popitem()
     return of(Scene.from_dict, data), f"scene.{part}.{last} is missing: expected all values in a whole scene"
 
 
@@ -55,7 +54,7 @@ named, from_dict, physics, positions = Scene.named, Scene.from_dict, Physics, ch
 ONE = {"radius": [0.03], "mass": [0.2]}
 
 NAMES = [
-    (of(named, "pol"), "scene = 'pol': expected one of 'pool', 'blocked_pool', 'carom', 'ideal', 'pooltool_carom', "),
+    (of(named, "pol"), "scene = 'pol': expected one of 'pool', 'blocked_pool', 'carom', 'ideal', 'sum_to_three', "),
     (of(Table.named, "pool_10ft"), "table = 'pool_10ft': expected one of 'pool_7ft', 'pool_8ft', 'pool_9ft'"),
     (of(from_dict, {"base": "pool", "physic": {}}), "key of scene = 'physic': expected one of"),
     (of(from_dict, {"n_object_balls": 3}), "key of scene = 'n_object_balls': expected one of"),

@@ -1,6 +1,7 @@
 import dataclasses
 import json
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,7 @@ def test_pool_has_six_pockets_on_the_cushion_line():
 
 
 def test_carom_scenes_have_a_match_table_without_pockets():
-    carom, pooltool = Scene.named("carom"), Scene.named("pooltool_carom")
+    carom, pooltool = Scene.named("carom"), Scene.named("benchmarks:pooltool_carom")
     assert carom.table == pooltool.table == Table(2.84, 1.42, 0.037)
     assert carom.balls == pooltool.balls == Balls.uniform(3, 0.03075, 0.21)
     assert carom.physics == Physics()
@@ -87,12 +88,18 @@ def test_fields_with_a_default_are_optional():
     assert scene == Scene(Balls((0.03,), (1.0,)), Table(width=1.0), Physics(g=5.0))
 
 
-def test_a_whole_scene_may_leave_out_numbers_with_the_default_0():
-    """Files of earlier versions do not have the numbers of newer laws."""
-    scene = Scene.named("real_pool")
-    data = scene.to_dict()
-    del data["physics"]["e_cushion_topspin"]
-    assert Scene.from_dict(data) == scene
+@pytest.mark.parametrize("version", [2, 0, 1.0, True, "1", None])
+def test_a_scene_of_another_version_is_refused(version):
+    data = Scene.named("pool").to_dict()
+    assert data["version"] == 1
+    for changed in (data, {"base": "pool"}, {"balls": data["balls"]}):
+        with pytest.raises(
+            ValueError, match=re.escape(f"scene.version = {version!r}: expected 1; another version of ")
+        ):
+            Scene.from_dict({**changed, "version": version})
+        assert Scene.from_dict({**changed, "version": 1}) == Scene.from_dict(changed)
+    del data["version"]
+    assert Scene.from_dict(data) == Scene.named("pool")
 
 
 def test_from_dict_does_not_change_its_argument():

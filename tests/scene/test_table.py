@@ -111,7 +111,9 @@ def test_real_scenes_have_the_balls_of_their_game():
     assert Scene.named("real_carom").table == Scene.named("carom").table == Table.named("carom_10ft")
 
 
-@pytest.mark.parametrize(("name", "table"), [("pooltool_pool", "pool"), ("pooltool_real_carom", "carom")])
+@pytest.mark.parametrize(
+    ("name", "table"), [("benchmarks:pooltool_pool", "pool"), ("benchmarks:pooltool_real_carom", "carom")]
+)
 def test_pooltool_scenes_have_the_balls_of_the_reference_shots(name, table):
     with open(DATA / "pooltool_real_shots.json") as file:
         ball = json.load(file)["tables"][table]["ball"]

@@ -17,7 +17,7 @@ from billiards_env.scene import Balls, Cue, Physics
 POOL = Scene.named("pool")
 R = POOL.balls.radius[0]
 SHOTS = json.loads((Path(__file__).parents[1] / "data" / "pooltool_real_shots.json").read_text())["shots"]
-SCENES = {"carom": "pooltool_real_carom", "pool": "pooltool_pool"}
+SCENES = {"carom": "benchmarks:pooltool_real_carom", "pool": "benchmarks:pooltool_pool"}
 
 
 @pytest.mark.parametrize("table", SCENES)
@@ -115,7 +115,7 @@ def test_a_miscue_is_continuous_deflects_the_ball_away_from_the_tip_and_gives_le
     assert abs(beyond.spin[2]) == pytest.approx(abs(edge.spin[2]) * math.cos(turned), rel=1e-12)
 
 
-@pytest.mark.parametrize("cue_of", ["pool", "uk_pool", "pooltool_pool"])
+@pytest.mark.parametrize("cue_of", ["pool", "uk_pool", "benchmarks:pooltool_pool"])
 @pytest.mark.parametrize("seed", range(3))
 def test_derivative_of_the_strike(cue_of, seed):
     rng, of = np.random.default_rng(seed), Scene.named(cue_of)
