@@ -1,17 +1,10 @@
-"""What PIT does to the positions of bodies that overlap: the entries of `FIXES`.
+"""What PIT does to the positions of bodies that overlap: the table `TREATMENTS`.
 
-The paper of Warkari and Jamsandekar leaves open how an overlap is "fixed". There are four ways:
+The paper of Warkari and Jamsandekar leaves open how an overlap is "fixed". An entry of `TREATMENTS` describes and
+contains one way. With time_of_impact (Hu et al. 2020, DiffTaichi, section 4.2) a ball goes back in the phase that it
+has at the timestep, and a phase that ends in the rest of the step ends at the timestep.
 
-* push_apart (the default): the impulse acts along the line of centres of the overlapping balls. Then they are moved
-  apart along that line until they touch. The lighter ball moves further. A ball beyond a cushion is moved back to it.
-* move_back: before the impulse, the balls are moved back along their paths, by one step at most, to the positions at
-  which they touched. The line of centres is then right, but the balls lag by the time of the backward motion.
-* none: positions do not change. A ball that stops beyond a cushion stays there.
-* time_of_impact: move_back without the lag. The impulse changes the velocities at the time of impact, and the balls
-  then move with the new velocities for the rest of the step (Hu et al. 2020, DiffTaichi, section 4.2). A ball goes
-  back in the phase that it has at the timestep, and a phase that ends in the rest of the step ends at the timestep.
-
-A ball that has stopped beyond a cushion has no path along which it can go back. All fixes except none move it to the
+A ball that has stopped beyond a cushion has no path along which it can go back. All fixes that move balls put it at the
 nearest position at which it touches the cushion.
 """
 
@@ -55,6 +48,8 @@ class Fix(NamedTuple):
     """A treatment of overlaps, as kernels that move balls in `pit.PitWorkspace.here` and in `State.rows`.
 
     Attributes:
+        summary: What happens to an overlap, for the documentation.
+        goes_back: Whether balls go back along their paths. A scene with flight has no such fix.
         before: (count, scene, work) before the impacts of `count` overlapping pairs. Returns how many of them are left.
         after: (count, scene, work) after these impacts. Returns whether it moves balls.
         at_cushion: (i, wall, beyond, bounce, scene, work) before the `Bounce` of ball i, which is beyond a cushion by
@@ -65,6 +60,8 @@ class Fix(NamedTuple):
         at_rest: (i, scene, work) if ball i is at rest after its bounces. Returns whether it moves the ball.
     """
 
+    summary: str
+    goes_back: bool
     before: Any
     after: Any
     at_cushion: Any
@@ -298,16 +295,56 @@ def _push_along(i, wall, n, m, scene, work):  # out: work
 
 _touch_balls, _touch_cushion = _going_back(_step_back)
 _hit_balls, _hit_cushion = _going_back(_rewind)
-_FIXES = {
-    "push_apart": Fix(_keep_contacts, _push_apart, _push_inside, _push_along, _keep_motion, _bring_back),
-    "move_back": Fix(_touch_balls, _keep_positions, _touch_cushion, _keep_in_corner, _keep_motion, _bring_back),
-    "none": Fix(_keep_contacts, _keep_positions, _keep_place, _keep_in_corner, _keep_motion, _keep_positions),
-    "time_of_impact": Fix(_hit_balls, _finish_steps, _hit_cushion, _keep_in_corner, _finish_step, _bring_back),
+
+TREATMENTS = {
+    "push_apart": Fix(
+        "The impulse acts along the line of centres at the overlap. Then they are moved apart along this line until "
+        "they touch, the lighter ball further. A ball beyond a cushion is moved back to it",
+        False,
+        before=_keep_contacts,
+        after=_push_apart,
+        at_cushion=_push_inside,
+        in_corner=_push_along,
+        after_cushion=_keep_motion,
+        at_rest=_bring_back,
+    ),
+    "move_back": Fix(
+        "Before the impulse the balls go back along their paths, by one step at most, to the positions at which they "
+        "touched. The line of centres is then right, but the balls lag by the time of the backward motion",
+        True,
+        before=_touch_balls,
+        after=_keep_positions,
+        at_cushion=_touch_cushion,
+        in_corner=_keep_in_corner,
+        after_cushion=_keep_motion,
+        at_rest=_bring_back,
+    ),
+    "none": Fix(
+        "The positions do not change. A ball that stops beyond a cushion stays there",
+        False,
+        before=_keep_contacts,
+        after=_keep_positions,
+        at_cushion=_keep_place,
+        in_corner=_keep_in_corner,
+        after_cushion=_keep_motion,
+        at_rest=_keep_positions,
+    ),
+    "time_of_impact": Fix(
+        "The balls go back as with `move_back`. After the impulse they move with the new velocities for the rest of "
+        "the step",
+        True,
+        before=_hit_balls,
+        after=_finish_steps,
+        at_cushion=_hit_cushion,
+        in_corner=_keep_in_corner,
+        after_cushion=_finish_step,
+        at_rest=_bring_back,
+    ),
 }
+"""The treatments by name."""
 
-FIXES = tuple(_FIXES)
+FIXES = tuple(TREATMENTS)
 """The names of the treatments; the first is the default. `Numbers.fix` is an index into them."""
-
 
 KEEPS_PLACES = FIXES.index("none")
 """The index of the fix that moves no balls."""
@@ -330,6 +367,6 @@ def _choice(kernels: Sequence[Any]) -> Any:
 
 
 fix_before, fix_after, fix_at_cushion, fix_in_corner, fix_after_cushion, fix_at_rest = (
-    _choice(kernels) for kernels in zip(*_FIXES.values(), strict=True)
+    _choice(kernels) for kernels in zip(*(fix[-6:] for fix in TREATMENTS.values()), strict=True)
 )
 """The kernels of `Fix`, with the index of the treatment as an additional first argument."""
