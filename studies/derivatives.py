@@ -112,7 +112,7 @@ def shots_of(network: nn.Module, layouts: Floats) -> SceneShots:
 
 def misses(shots: SceneShots, layouts: Floats, world: str) -> Floats:
     """Returns the vectors from the goals to the object balls at the end of the shots in a world, (m, 2), m."""
-    return shots.run(engine=WORLDS[world]).positions[:, 1] - layouts[:, 2]
+    return shots.batch(engine=WORLDS[world]).positions[:, 1] - layouts[:, 2]
 
 
 def slopes(shots: SceneShots, layouts: Floats, world: str, derivative: str) -> Floats:
@@ -125,7 +125,7 @@ def slopes(shots: SceneShots, layouts: Floats, world: str, derivative: str) -> F
         derivative: As in `GOAL_RUNS`.
     """
     if derivative in ("exact", UNTRAINED):
-        derivatives = exact_derivatives(shots.run(record=True))
+        derivatives = exact_derivatives(shots.batch(record=True))
     elif derivative == OVER_JUMPS:
         derivatives = differences(shots, LARGE, WORLDS[world])
     else:

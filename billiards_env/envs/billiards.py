@@ -505,7 +505,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
             TypeError: As in `set_state`.
             ValueError: As in `set_state`, or if the actions have another shape or a number is not finite.
         """
-        return self._trials.play(actions, self.get_state()[None], states, noise, None)
+        return self._trials.try_actions(actions, self.get_state()[None], states, noise, None)
 
     @property
     def episode_scene(self) -> Scene:

@@ -235,8 +235,10 @@ def write_free_to_balls(begin, end, observations, first, positions, in_play, tou
         for i in range(1, positions.shape[1]):
             to_x, to_y = positions[k, i, X] - x, positions[k, i, Y] - y
             share = max(1.0 - touching[CUE_BALL, i] / max(norm(to_x, to_y), 1e-300), 0.0)  # of the way to the hit
-            is_free = _is_free(k, CUE_BALL, i, (x + share * to_x, y + share * to_y), positions, in_play, touching)
-            observations[k, first + i - 1] = 1.0 if is_free and in_play[k, i] else 0.0
+            is_clear = _is_clear_path(
+                k, CUE_BALL, i, (x + share * to_x, y + share * to_y), positions, in_play, touching
+            )
+            observations[k, first + i - 1] = 1.0 if is_clear and in_play[k, i] else 0.0
 
 
 @entry_point
@@ -245,12 +247,12 @@ def write_free_to_pockets(begin, end, observations, first, positions, in_play, p
     for k in range(begin, end):
         for i in range(1, positions.shape[1]):
             for p in range(len(pockets)):
-                is_free = _is_free(k, i, i, (pockets[p, X], pockets[p, Y]), positions, in_play, touching)
-                observations[k, first + (i - 1) * len(pockets) + p] = 1.0 if is_free else 0.0
+                is_clear = _is_clear_path(k, i, i, (pockets[p, X], pockets[p, Y]), positions, in_play, touching)
+                observations[k, first + (i - 1) * len(pockets) + p] = 1.0 if is_clear else 0.0
 
 
 @inlined
-def _is_free(k, i, target, end, positions, in_play, touching):
+def _is_clear_path(k, i, target, end, positions, in_play, touching):
     """Returns whether ball i is on the table and touches no ball but `target` on the straight line to a point."""
     x, y = positions[k, i, X], positions[k, i, Y]
     for j in range(positions.shape[1]):

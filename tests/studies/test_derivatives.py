@@ -65,12 +65,12 @@ def test_a_hit_at_the_cut_angle_sends_the_ball_towards_the_goal(goals):
 def test_the_gradient_is_that_of_the_squared_distance(goals, monkeypatch):
     torch.manual_seed(0)
     shots = shots_of(nn.Sequential(nn.Linear(4, 2)).double(), goals)
-    assert (shots.run().first_hit == 1).all()
+    assert (shots.batch().first_hit == 1).all()
     assert np.linalg.norm(slopes(shots, goals, "exact", "exact"), axis=1).max() <= study.LONGEST * (1 + 1e-12)
     monkeypatch.setattr(study, "LONGEST", np.inf)
     exact = slopes(shots, goals, "exact", "exact")
     along, h = exact / np.linalg.norm(exact, axis=1)[:, None], 1e-7
-    ends = (shots._replace(velocities=shots.velocities + change * along).run().positions[:, 1] for change in (h, -h))
+    ends = (shots._replace(velocities=shots.velocities + change * along).batch().positions[:, 1] for change in (h, -h))
     more, less = (np.square(end - goals[:, 2]).sum(1) for end in ends)
     np.testing.assert_allclose((more - less) / (2.0 * h), np.linalg.norm(exact, axis=1), rtol=1e-4, atol=1e-5)
 
