@@ -44,12 +44,10 @@ class Bounce(NamedTuple):
     speed: float
 
 
-class Fix(NamedTuple):
-    """A treatment of overlaps, as kernels that move balls in `pit.PitWorkspace.here` and in `State.rows`.
+class FixKernels(NamedTuple):
+    """The kernels of a treatment of overlaps. They move balls in `pit.PitWorkspace.here` and in `State.rows`.
 
     Attributes:
-        summary: What happens to an overlap, for the documentation.
-        goes_back: Whether balls go back along their paths. A scene with flight has no such fix.
         before: (count, scene, work) before the impacts of `count` overlapping pairs. Returns how many of them are left.
         after: (count, scene, work) after these impacts. Returns whether it moves balls.
         at_cushion: (i, wall, beyond, bounce, scene, work) before the `Bounce` of ball i, which is beyond a cushion by
@@ -60,14 +58,26 @@ class Fix(NamedTuple):
         at_rest: (i, scene, work) if ball i is at rest after its bounces. Returns whether it moves the ball.
     """
 
-    summary: str
-    goes_back: bool
     before: Any
     after: Any
     at_cushion: Any
     in_corner: Any
     after_cushion: Any
     at_rest: Any
+
+
+class Fix(NamedTuple):
+    """A treatment of overlaps.
+
+    Attributes:
+        summary: What happens to an overlap, for the documentation.
+        goes_back: Whether balls go back along their paths. A scene with flight has no such fix.
+        kernels: The kernels.
+    """
+
+    summary: str
+    goes_back: bool
+    kernels: FixKernels
 
 
 @inlined
@@ -301,44 +311,24 @@ TREATMENTS = {
         "The impulse acts along the line of centres at the overlap. Then they are moved apart along this line until "
         "they touch, the lighter ball further. A ball beyond a cushion is moved back to it",
         False,
-        before=_keep_contacts,
-        after=_push_apart,
-        at_cushion=_push_inside,
-        in_corner=_push_along,
-        after_cushion=_keep_motion,
-        at_rest=_bring_back,
+        FixKernels(_keep_contacts, _push_apart, _push_inside, _push_along, _keep_motion, _bring_back),
     ),
     "move_back": Fix(
         "Before the impulse the balls go back along their paths, by one step at most, to the positions at which they "
         "touched. The line of centres is then right, but the balls lag by the time of the backward motion",
         True,
-        before=_touch_balls,
-        after=_keep_positions,
-        at_cushion=_touch_cushion,
-        in_corner=_keep_in_corner,
-        after_cushion=_keep_motion,
-        at_rest=_bring_back,
+        FixKernels(_touch_balls, _keep_positions, _touch_cushion, _keep_in_corner, _keep_motion, _bring_back),
     ),
     "none": Fix(
         "The positions do not change. A ball that stops beyond a cushion stays there",
         False,
-        before=_keep_contacts,
-        after=_keep_positions,
-        at_cushion=_keep_place,
-        in_corner=_keep_in_corner,
-        after_cushion=_keep_motion,
-        at_rest=_keep_positions,
+        FixKernels(_keep_contacts, _keep_positions, _keep_place, _keep_in_corner, _keep_motion, _keep_positions),
     ),
     "time_of_impact": Fix(
         "The balls go back as with `move_back`. After the impulse they move with the new velocities for the rest of "
         "the step",
         True,
-        before=_hit_balls,
-        after=_finish_steps,
-        at_cushion=_hit_cushion,
-        in_corner=_keep_in_corner,
-        after_cushion=_finish_step,
-        at_rest=_bring_back,
+        FixKernels(_hit_balls, _finish_steps, _hit_cushion, _keep_in_corner, _finish_step, _bring_back),
     ),
 }
 """The treatments by name."""
@@ -367,6 +357,6 @@ def _choice(kernels: Sequence[Any]) -> Any:
 
 
 fix_before, fix_after, fix_at_cushion, fix_in_corner, fix_after_cushion, fix_at_rest = (
-    _choice(kernels) for kernels in zip(*(fix[-6:] for fix in TREATMENTS.values()), strict=True)
+    _choice(kernels) for kernels in zip(*(fix.kernels for fix in TREATMENTS.values()), strict=True)
 )
-"""The kernels of `Fix`, with the index of the treatment as an additional first argument."""
+"""The kernels of `FixKernels`, with the index of the treatment as an additional first argument."""
