@@ -72,7 +72,7 @@ def features() -> str:
     rows = []
     for name, feature in FEATURES.items():
         least, *others = np.atleast_1d(feature.low)
-        values = f"{least:g} to {feature.high}" + (f", {others[0]:g} to 1" if others else "")
+        values = f"{least:g} to {255 if feature.is_image else 1}" + (f", {others[0]:g} to 1" if others else "")
         shape = f"({', '.join(map(str, feature.shape))})"
         rows.append((f"`{name}`", shape, values, feature.summary, feature.needs))
     return table(("Feature", "Shape", "Values", "Meaning", "Needs"), rows, left=5)

@@ -298,7 +298,7 @@ class Feature(NamedTuple):
             `(begin, end, images, *reads)`.
         reads: Returns the other arguments of `write`; for an image also from its height and width.
         needs: What the environment must have, so that no size is 0; empty for nothing.
-        high: The largest value; 255 for an image.
+        is_image: Whether it is an image of bytes, up to 255. The largest value of the others is 1.
     """
 
     summary: str
@@ -307,7 +307,7 @@ class Feature(NamedTuple):
     write: Callable[..., None]
     reads: Callable[..., tuple[Any, ...]]
     needs: str = ""
-    high: int = 1
+    is_image: bool = False
 
 
 FEATURES = {
@@ -458,7 +458,7 @@ FEATURES = {
         0.0,
         write_image,
         lambda source, height, width: read_image(source, height, width, planes=False),
-        high=255,
+        is_image=True,
     ),
     "planes": Feature(
         "images of the cue ball, of the object balls to play, of the other ones and, in a task with a goal, of the "
@@ -467,7 +467,7 @@ FEATURES = {
         0.0,
         write_image,
         lambda source, height, width: read_image(source, height, width, planes=True),
-        high=255,
+        is_image=True,
     ),
 }
 """The features by name."""
@@ -521,8 +521,8 @@ class Observer:
         for entry in names:
             name, *sides = cast(Any, entry if isinstance(entry, tuple) and entry else (entry,))
             name = key_of("observe", name, FEATURES)
-            if len(sides) != (2 if is_image(name) else 0):
-                right = (name, "height", "width") if is_image(name) else name
+            if len(sides) != (2 if FEATURES[name].is_image else 0):
+                right = (name, "height", "width") if FEATURES[name].is_image else name
                 raise ValueError(f"observe = {short(entry)}: expected {right!r}")
             for side, size in zip(("height", "width"), sides, strict=False):
                 sizes[side] = integer(f"{side} of {name!r} in observe", size, SIDES)
@@ -538,8 +538,8 @@ class Observer:
             low = np.concatenate(lows).astype(np.float32)
             spaces[ROW] = gym.spaces.Box(low, np.ones_like(low), dtype=np.float32)
         for name, shape in self.features.items():
-            if is_image(name):
-                spaces[name] = gym.spaces.Box(0, FEATURES[name].high, shape, np.uint8)
+            if FEATURES[name].is_image:
+                spaces[name] = gym.spaces.Box(0, 255, shape, np.uint8)
         if self._has_goal:
             most = np.array([*source.half_extents, 1.0])
             spaces |= {key: gym.spaces.Box(-most, most, dtype=np.float64) for key in (ACHIEVED, DESIRED)}
@@ -558,7 +558,7 @@ class Observer:
         first, self._writers = 0, []  # a key of the observation, a writer and its arguments after `observations`
         for name, shape in self.features.items():
             entry = FEATURES[name]
-            if is_image(name):
+            if FEATURES[name].is_image:
                 self._writers.append((name, self._write[name], entry.reads(self._source, *shape[:2])))
             else:
                 self._writers.append((ROW, self._write[name], (first, *entry.reads(self._source))))
@@ -596,14 +596,9 @@ class Observer:
             write.call(begin, end, observations[key] if self._is_dict else observations, *arguments)
 
 
-def is_image(name: str) -> bool:
-    """Returns whether a feature is an image."""
-    return FEATURES[name].high == 255
-
-
 def row_of(features: Mapping[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]]:
     """Returns the features that are not images."""
-    return {name: shape for name, shape in features.items() if not is_image(name)}
+    return {name: shape for name, shape in features.items() if not FEATURES[name].is_image}
 
 
 def nth(observations: Any, k: int) -> Any:
