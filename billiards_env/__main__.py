@@ -331,7 +331,7 @@ def bench(args: argparse.Namespace) -> None:
 
     tasks, results = args.tasks.split(","), []
     try:
-        played = bench.play(
+        played = bench.play_tasks(
             args.player, tasks, args.seed, args.name, progress, args.noise_seed, part, finished=results.append
         )
     finally:  # also after an error or Ctrl-C

@@ -35,7 +35,7 @@ from tests.helpers.processes import run
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA, PAGE = ROOT / "tests" / "data", (ROOT / "docs" / "own_package.md").read_text(encoding="utf-8")
-TABLES: list[Any] = [TASKS, FEATURES, ACTIONS, layouts.LAYOUTS, scene._NAMED, GAMES, PLAYERS]
+TABLES: list[Any] = [TASKS, FEATURES, ACTIONS, layouts.LAYOUTS, scene.NAMED, GAMES, PLAYERS]
 ID = "billiards_env:Billiards-v0"
 OWN: dict[str, Any] = {
     "task": "my_billiards:cushion_first",

@@ -137,7 +137,7 @@ PIXELS = Feature(
     0.0,
     write_image,
     functools.partial(read_image, planes=False),
-    high=255,
+    is_image=True,
 )
 PLANES = Feature(
     "images of the cue ball, of the object balls to play, of the other ones and, in a task with a goal, of the "
@@ -146,5 +146,5 @@ PLANES = Feature(
     0.0,
     write_image,
     functools.partial(read_image, planes=True),
-    high=255,
+    is_image=True,
 )

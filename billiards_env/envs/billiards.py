@@ -351,8 +351,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
       9, "physics": {"mu_roll": 0.012}}`. By default it is `"carom"` in `"carom"` and `"three_cushion"`,
       `"sum_to_three"` in the task of that name, `"jump_pool"` in `"jump"`, and `"pool"` in the others.
       `n_object_balls` needs a named scene.
-    - `Scene.named` lists the named scenes and their numbers of object balls, such as `"pool"`, `"carom"` and
-      `"real_pool"`, a pool table with throw and the jaws of the pockets.
+    - `billiards_env.scene.NAMED` is the table of the named scenes, such as `"pool"`, `"carom"` and `"real_pool"`.
     - The tasks `"pot"`, `"position"`, `"clear"`, `"jump"` and the run-outs need a table with pockets. `"jump"` needs 2
       object balls, `"nine_ball"` 9 and `"eight_ball"` 15. `"sum_to_three"` needs a table without pockets and exactly
       one object ball.
@@ -364,7 +363,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
       speed along the normal, as a share of it), "along_std" (of the speed along the cushion, as a share of the speed)
       and "spin_std" (of the spins times the radius, as a share of the speed) to numbers. Missing ones have the values
       of a real table, `shots.noise.SCATTER`.
-    - The values of `fix` are `"push_apart"` (the same as None), `"move_back"`, `"none"` and `"time_of_impact"`.
+    - `fix` is a name in `billiards_env.engine.overlaps.TREATMENTS`; None means the first, `"push_apart"`.
     - `"module:name"` names a task, a scene, a layout, a feature or an action that a package of yours registers.
     - An `EnvSpec` can be converted to JSON and back. The spec stores a `Scene` as a dict. All other arguments are JSON
       values. `billiards_env.support.checks.RANGES` contains the range of each number.
@@ -513,7 +512,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
             TypeError: As in `set_state`.
             ValueError: As in `set_state`, or if the actions have another shape or a number is not finite.
         """
-        return self._trials.play(actions, self.get_state()[None], states, noise, None)
+        return self._trials.try_actions(actions, self.get_state()[None], states, noise, None)
 
     @property
     def episode_scene(self) -> Scene:

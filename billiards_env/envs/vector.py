@@ -226,7 +226,7 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
             TypeError: As in `set_state`.
             ValueError: As in `set_state`, or if the actions have another shape or a number is not finite.
         """
-        return self._trials.play(actions, self.get_state(), states, noise, self.threads)
+        return self._trials.try_actions(actions, self.get_state(), states, noise, self.threads)
 
     def _rows(self, rows: Any) -> NDArray[np.int64] | None:
         """Returns the numbers of environments after a check, None for all."""

@@ -465,7 +465,7 @@ def undo(model: WindowModel) -> WindowModel:
     return model
 
 
-def replay(model: WindowModel) -> WindowModel:
+def repeat(model: WindowModel) -> WindowModel:
     """Shows the last shot again, with the same shot by the other engine."""
     if model.last_shot is None:
         return model

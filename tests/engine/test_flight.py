@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,8 @@ import pytest
 
 from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.drawing.rendering import drawn_layout
-from billiards_env.engine import PIC, Engine
+from billiards_env.engine import PIC, Engine, scene_fields
+from billiards_env.engine.overlaps import FIXES, TREATMENTS
 from billiards_env.engine.strikes import strike
 from billiards_env.envs import make_env
 from billiards_env.envs.actions import cue_strike
@@ -342,8 +344,10 @@ def test_the_cue_does_not_drive_a_ball_above_the_cue_ball():
 
 def test_what_has_no_flight_is_refused():
     s = scene()
-    with pytest.raises(ValueError, match=r"fix = 'move_back' with physics\.flight = True"):
-        play([0, 0], [1.0, 0.0], engine=Engine("pit", 1 / 60, "move_back"))
+    for fix in FIXES:
+        refused = pytest.raises(ValueError, match=rf"fix = '{fix}' with physics\.flight = True")
+        with refused if TREATMENTS[fix].goes_back else nullcontext():
+            scene_fields(s, Engine("pit", 1 / 60, fix))
     with pytest.raises(ValueError, match="flights have no derivatives"):
         play([0, 0], [1.0, 0.0]).sensitivity()
     with pytest.raises(ValueError, match="expected equal balls"):

@@ -230,7 +230,7 @@ FAMILIES: dict[str, Callable[[np.random.Generator, int], RandomShots | None]] = 
 }
 
 
-def run(name: str, seed: int, shots: int) -> dict[str, Any]:
+def check_family(name: str, seed: int, shots: int) -> dict[str, Any]:
     """Runs shots of a family and checks every event of each.
 
     Returns:
