@@ -60,6 +60,7 @@ from billiards_env.support.checks import (
     numbers,
     one_of,
     real,
+    result_of,
     sequence,
     short,
 )
@@ -536,7 +537,11 @@ class Scene:
         """
         build, usual, most = entry_of("scene", name, _NAMED)
         n = usual if n_object_balls is None else n_object_balls
-        return build(integer("n_object_balls", n, Range(0, most, f"for scene {name!r}")) + 1)
+        balls = integer("n_object_balls", n, Range(0, most, f"for scene {name!r}")) + 1
+        scene = result_of(f"scene {name!r}", Scene, build, balls)
+        if scene.n_balls != balls:
+            raise ValueError(f"n_balls of scene {name!r} = {scene.n_balls}: expected {balls}")
+        return scene
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:
@@ -813,7 +818,7 @@ SCENES = tuple(_NAMED)
 
 def register_scene(name: str, scene: NamedScene) -> None:
     """Adds a scene of another package to those of `Scene.named`. The errors are those of `checks.add_entry`."""
-    add_entry("scene", name, scene, _NAMED, NamedScene)
+    add_entry("scene", name, scene, _NAMED, NamedScene, build=1)
 
 
 def check_scene(scene: Scene) -> None:
