@@ -28,7 +28,7 @@ from tqdm import tqdm
 from benchmarks.scenes import SCENES
 from billiards_env.scene import register_scene
 from billiards_env.support.checks import Range, integer
-from billiards_env.support.commands import Parser, ending
+from billiards_env.support.commands import Job, Parser, all_jobs, ending
 from billiards_env.support.files import check_path, write_atomically, write_json
 
 if TYPE_CHECKING:
@@ -171,8 +171,12 @@ def run_command(
     blocks: Callable[[Any], Mapping[str, str]],
     options: Mapping[str, tuple[Any, str]],
     draw: Callable[[Any, Path], None] | None = None,
+    *,
+    jobs: bool = False,
 ) -> Any:
     """Runs a command that measures: it writes a JSON file, prints blocks, draws pictures, and returns the results.
+
+    If jobs fail, it writes and prints the results of the others, and then ends with the errors.
 
     Args:
         command: The module of the command, such as "benchmarks.speed".
@@ -182,6 +186,7 @@ def run_command(
         blocks: Returns the results as Markdown, by name.
         options: The options, as in `parser_of`. Every command also has `output` and, with pictures, `images`.
         draw: Draws the pictures of the results in a folder; None if there are none.
+        jobs: Whether `measure` consists of jobs. It then also has the argument `job`, see `all_jobs`.
     """
     files: dict[str, tuple[Any, str]] = {"output": (results_file(command), "JSON file")}
     if draw is not None:
@@ -191,8 +196,10 @@ def run_command(
         check_output(args.output)
         if draw is not None:
             check_output(args.images / "picture.png")
-        result = measure(**{option: getattr(args, option) for option in options})
-        report(result, blocks, args.output)
+        with all_jobs() as job:
+            values = {option: getattr(args, option) for option in options}
+            result = measure(**values, **({"job": job} if jobs else {}))
+            report(result, blocks, args.output)
         if draw is not None:
             draw(result, args.images)
     return result
@@ -261,15 +268,19 @@ def worker(name: str, command: Sequence[str | Path], **options: Any) -> Iterator
 
 
 def run_kinds(
-    work: Callable[[str, int], dict[str, Any]], kinds: Iterable[str], shots: int, workers: int
+    work: Callable[[str, int], dict[str, Any]], kinds: Iterable[str], shots: int, workers: int, job: Job
 ) -> dict[str, list[dict[str, Any]]]:
-    """Returns `work(kind, seed)` of the first shots of each kind, computed by some processes."""
-    tasks = list(itertools.product(kinds, range(shots)))
-    by_kind: dict[str, list[dict[str, Any]]] = {kind: [] for kind in kinds}
+    """Returns `work(kind, seed)` of the first shots of each kind, computed by some processes.
+
+    Each shot is a job. A kind whose shots all fail has no entry.
+    """
+    by_kind: dict[str, list[dict[str, Any]]] = {}
     with processes(workers) as pool:
-        results = tqdm(pool.map(work, *zip(*tasks, strict=True), chunksize=2), total=len(tasks), unit="shot")
-        for (kind, _), result in zip(tasks, results, strict=True):
-            by_kind[kind].append(result)
+        futures = {task: pool.submit(work, *task) for task in itertools.product(kinds, range(shots))}
+        for (kind, seed), future in tqdm(futures.items(), unit="shot"):
+            with job(f"{kind}, shot {seed}"):
+                result = future.result()
+                by_kind.setdefault(kind, []).append(result)
     return by_kind
 
 

@@ -26,6 +26,7 @@ from billiards_env.engine import PIC, Engine
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate, simulate_batch
 from billiards_env.support.checks import Range, integer
+from billiards_env.support.commands import Job
 
 Floats = NDArray[np.float64]
 
@@ -169,13 +170,11 @@ def timer(scene: Scene, positions: Floats, velocities: Floats, engine: Engine) -
     return lambda: call(copies)
 
 
-def seconds_per_shot(shots: int, passes: int) -> dict[tuple[str, Engine], list[float]]:
-    """Returns the mean time of a shot by problem and engine, one entry per pass; engines take turns on one core."""
-    calls = {}
-    for name, problem in PROBLEMS.items():
-        timed = draw_shots(name, min(shots, TIMED))
-        calls |= {(name, engine): timer(problem.scene, *timed, engine) for engine in (PIC, *PIT)}
-    times = [[call() for call in calls.values()] for _ in tqdm(range(passes), "times", unit="pass")]
+def seconds_per_shot(name: str, shots: int, passes: int) -> dict[Engine, list[float]]:
+    """Returns the mean time of a shot by engine, one entry per pass; engines take turns on one core."""
+    timed = draw_shots(name, min(shots, TIMED))
+    calls = {engine: timer(PROBLEMS[name].scene, *timed, engine) for engine in (PIC, *PIT)}
+    times = [[call() for call in calls.values()] for _ in tqdm(range(passes), f"times of {name}", unit="pass")]
     return dict(zip(calls, map(list, zip(*times, strict=True)), strict=True))
 
 
@@ -200,32 +199,36 @@ def rows_per_engine(
     return rows
 
 
-def measure(shots: int, outcomes: int, passes: int, workers: int) -> dict[str, Any]:
+def measure(shots: int, outcomes: int, passes: int, workers: int, job: Job) -> dict[str, Any]:
     """Returns the results of all measurements.
 
     `shots` of each problem are compared with the oracle, and `outcomes` of more shots with the outcomes of PIC. The run
     times are measured in `passes` on one core, and all others by `workers`.
     """
     integer("shots", shots, Range(4, None))  # the first break that is followed to its end is the fourth one
-    on, seconds = machine(), seconds_per_shot(shots, passes)
-    followed = run_kinds(follow_shot, PROBLEMS, shots, workers)
-    playable = [name for name, problem in PROBLEMS.items() if problem.scene.physics.motion != "ideal"]
-    counts = {name: outcomes // (BREAKS if "break" in name else 1) or 1 for name in playable}
-    wrong = {name: compare_outcomes(name, counts[name], workers) for name in playable}
-    scenes = {}
-    for name, problem in PROBLEMS.items():
-        times = {engine: seconds[name, engine] for engine in (PIC, *PIT)}
-        ends = [result["outcome_as_oracle"] for result in followed[name] if result["complete"]]
-        errors = [result["errors"] for result in followed[name] if result["errors"] is not None]
-        scenes[name] = {
-            "n_balls": problem.scene.n_balls,
-            "error_at": "end" if problem.time is None else problem.time,
-            "outcome_shots": counts.get(name, 0),
-            "compared": len(errors),
-            "followed_to_the_end": len(ends),
-            "pic_outcome_as_oracle": sum(ends),
-            "methods": rows_per_engine(errors, times, wrong.get(name, {})),
-        }
+    on, scenes, seconds = machine(), {}, {}
+    for name in PROBLEMS:
+        with job(name):
+            seconds[name] = seconds_per_shot(name, shots, passes)
+    followed = run_kinds(follow_shot, seconds, shots, workers, job)
+    for name, results in followed.items():
+        ends = [result["outcome_as_oracle"] for result in results if result["complete"]]
+        errors = [result["errors"] for result in results if result["errors"] is not None]
+        playable = PROBLEMS[name].scene.physics.motion != "ideal"
+        count = (outcomes // (BREAKS if "break" in name else 1) or 1) if playable else 0
+        with job(name):
+            if not errors:
+                raise ValueError("no shot is followed up to the time of comparison")
+            wrong = compare_outcomes(name, count, workers) if playable else {}
+            scenes[name] = {
+                "n_balls": PROBLEMS[name].scene.n_balls,
+                "error_at": "end" if PROBLEMS[name].time is None else PROBLEMS[name].time,
+                "outcome_shots": count,
+                "compared": len(errors),
+                "followed_to_the_end": len(ends),
+                "pic_outcome_as_oracle": sum(ends),
+                "methods": rows_per_engine(errors, seconds[name], wrong),
+            }
     return {"machine": on, "shots": shots, "passes": passes, "scenes": scenes}
 
 
@@ -238,7 +241,7 @@ def main(arguments: list[str] | None = None) -> None:
         "workers": workers(),
     }
     about = "Run time against error, for every engine and timestep."
-    run_command("benchmarks.accuracy", about, arguments, measure, blocks, options, draw)
+    run_command("benchmarks.accuracy", about, arguments, measure, blocks, options, draw, jobs=True)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from billiards_env.calibration.calibrate import calibrate
 from billiards_env.calibration.tracks import Track, observed
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate
+from billiards_env.support.commands import Job
 from billiards_env.support.intervals import success_rate
 
 SCENE, NOISE, SHOTS, FRAMES = "real_carom", 0.002, 16, 1 / 30 * np.arange(75)
@@ -64,10 +65,11 @@ def fit_repeat(law: str, seed: int) -> dict[str, Any]:
     return {"values": result.values, "intervals": result.intervals, "problems": len(result.problems)}
 
 
-def measure(repeats: int, workers: int) -> dict[str, Any]:
+def measure(repeats: int, workers: int, job: Job) -> dict[str, Any]:
     """Runs all repeats and returns their summary. A constant that a repeat does not determine has no interval there."""
-    rows, problems = [], 0
-    for law, fits in run_kinds(fit_repeat, LAWS, repeats, workers).items():
+    rows, problems, total = [], 0, 0
+    for law, fits in run_kinds(fit_repeat, LAWS, repeats, workers, job).items():
+        total += len(fits)
         problems += sum(repeat["problems"] > 0 for repeat in fits)
         for name in NUMBERS if law == LAWS[0] else CLOTH:
             truth = getattr(Scene.named(SCENE).physics, name)
@@ -85,7 +87,7 @@ def measure(repeats: int, workers: int) -> dict[str, Any]:
                     "covered": int(np.count_nonzero((ends[:, 0] <= truth) & (truth <= ends[:, 1]))),
                 }
             )
-    return {"machine": machine(), "repeats": repeats, "problems": problems, "numbers": rows}
+    return {"machine": machine(), "repeats": repeats, "fits": total, "problems": problems, "numbers": rows}
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
@@ -94,12 +96,13 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     for row in result["numbers"]:
         digits = zip((row["truth"], row["mean"], row["std"], row["half"]), (5, 5, 2, 2), strict=True)
         numbers = ("-" if value is None else f"{value:.{most}g}" for value, most in digits)
-        rows.append((f"`{row['law']}`", f"`{row['number']}`", *numbers, success_rate(row["covered"], row["repeats"])))
+        covered = success_rate(row["covered"], row["repeats"]) if row["repeats"] else "-"
+        rows.append((f"`{row['law']}`", f"`{row['number']}`", *numbers, covered))
     shown = ("truth", "mean", "standard deviation", "half of the interval", "truth in the 95% interval")
     return {
         "how": f"{result['repeats']} repeats with {SHOTS} shots of {len(FRAMES)} frames and noise of {1000 * NOISE:g} "
         f"mm; the tracks have `{LAWS[0]}` cushions. In {result['problems']} of the "
-        f"{len(LAWS) * result['repeats']} fits at least one row was reported as not fitting.",
+        f"{result['fits']} fits at least one row was reported as not fitting.",
         "coverage": table(("law", "constant", *shown), rows),
     }
 
@@ -108,7 +111,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.calibration --help`."""
     about = "Count how often the intervals of a calibration contain the truth."
     options = {"repeats": (100, "number of repeats"), "workers": workers()}
-    run_command("benchmarks.calibration", about, arguments, measure, blocks, options)
+    run_command("benchmarks.calibration", about, arguments, measure, blocks, options, jobs=True)
 
 
 if __name__ == "__main__":

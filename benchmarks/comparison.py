@@ -32,6 +32,7 @@ from benchmarks.simulators import Floats, Outcome, Runner
 from benchmarks.speed import rounded
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
+from billiards_env.support.commands import Job
 
 LAWS = {"friction and spin": "pooltool_carom", "throw and jaws": "pooltool_pool", "elastic disks": "ideal"}
 """The scene of each comparison."""
@@ -111,7 +112,7 @@ def exact_positions(scene: Scene, positions: Floats, velocity: Floats, time: flo
     return np.array(exact.positions, dtype=float)
 
 
-def measure(shots: int, passes: int) -> dict[str, Any]:
+def measure(shots: int, passes: int, job: Job) -> dict[str, Any]:
     """Returns the results of all measurements: `shots` of each kind, and their run times in `passes`."""
     result: dict[str, Any] = {"machine": machine(), "shots": shots, "passes": passes, "versions": {}, "rows": []}
     # By the laws: name, method and runner of each simulator. billiards-env is the first one. It records the shots that
@@ -123,16 +124,18 @@ def measure(shots: int, passes: int) -> dict[str, Any]:
         print("pooltool and pymunk are left out: there is no .venv-simulators; `make bench` creates it")
     with contextlib.ExitStack() as stack:
         for other in OTHERS if simulators.installed() else ():
-            version, runner = stack.enter_context(simulators.runner(other.name, other.argument))
-            result["versions"][other.name] = version
-            for laws in other.laws:
-                compared[laws].append((other.name, other.method, runner))
+            with job(f"{other.name}, {other.method}"):
+                version, runner = stack.enter_context(simulators.runner(other.name, other.argument))
+                result["versions"][other.name] = version
+                for laws in other.laws:
+                    compared[laws].append((other.name, other.method, runner))
         for laws, group in tqdm(compared.items(), unit="comparison"):
-            runners = [runner for *_, runner in group]
-            columns = {kind: compare(laws, kind, runners, shots, passes) for kind in KINDS}
-            for k, (name, method, _) in enumerate(group):
-                row = {"laws": laws, "simulator": name, "method": method}
-                result["rows"].append({**row, **{kind: column[k] for kind, column in columns.items()}})
+            with job(laws):
+                runners = [runner for *_, runner in group]
+                columns = {kind: compare(laws, kind, runners, shots, passes) for kind in KINDS}
+                for k, (name, method, _) in enumerate(group):
+                    row = {"laws": laws, "simulator": name, "method": method}
+                    result["rows"].append({**row, **{kind: column[k] for kind, column in columns.items()}})
     return result
 
 
@@ -186,15 +189,16 @@ def _why(result: dict[str, Any]) -> dict[str, str]:
         "pooltool": ("friction and spin", "pooltool", ["event-driven"]),
         "pymunk": ("elastic disks", "pymunk", ["timestep 1/60 s", "timestep 1/1920 s"]),
     }
-    if not result["versions"].keys() >= {"pooltool", "pymunk"}:
+    try:
+        cells = {
+            name: [measured[laws, simulator, method] for method in methods]
+            for name, (laws, simulator, methods) in columns.items()
+        }
+        ours = measured["elastic disks", "billiards-env", "event-driven"]
+        heads = ["billiards-env", *(f"{name} {result['versions'][name]}" for name in ("pooltool", "pymunk"))]
+    except KeyError:  # a comparison was left out, or it failed
         return {}
-    cells = {
-        name: [measured[laws, simulator, method] for method in methods]
-        for name, (laws, simulator, methods) in columns.items()
-    }
-    heads = [name + (f" {result['versions'][name]}" if name in result["versions"] else "") for name in cells]
     heads[-1] += ", 1/60 s or 1/1920 s"
-    ours = measured["elastic disks", "billiards-env", "event-driven"]
     rates = [" or ".join(rounded(1e6 / one["us"]) for one in column) for column in cells.values()]
     speed = results_file("benchmarks.speed")
     if speed.exists():
@@ -250,7 +254,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.comparison --help`."""
     options = {"shots": (100, "shots of each kind"), "passes": (5, "repetitions of the run time measurement")}
     about = "Compare billiards-env with pooltool and pymunk."
-    run_command("benchmarks.comparison", about, arguments, measure, blocks, options)
+    run_command("benchmarks.comparison", about, arguments, measure, blocks, options, jobs=True)
 
 
 if __name__ == "__main__":

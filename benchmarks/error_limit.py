@@ -25,6 +25,7 @@ from benchmarks.reference.oracle import OracleError, reference_shot
 from billiards_env.derivatives.shot_derivatives import UNIT_ROUNDOFF
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate
+from billiards_env.support.commands import Job
 
 Floats = NDArray[np.float64]
 Draw: TypeAlias = Callable[[Scene, np.random.Generator], tuple[Floats, Floats]]
@@ -145,9 +146,9 @@ def summary(results: Sequence[Mapping[str, float | bool | int]]) -> dict[str, fl
     }
 
 
-def measure(shots: int, workers: int) -> dict[str, Any]:
+def measure(shots: int, workers: int, job: Job) -> dict[str, Any]:
     """Compares `shots` of each of `KINDS`."""
-    on, by_kind = machine(), run_kinds(compare, KINDS, shots, workers)
+    on, by_kind = machine(), run_kinds(compare, KINDS, shots, workers, job)
     return {"machine": on, "kinds": {kind: summary(results) for kind, results in by_kind.items()}}
 
 
@@ -189,7 +190,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.error_limit --help`."""
     about = "Compare the engine's error with the unavoidable error; condition, error and ratio are medians."
     options = {"shots": (1000, "shots of each kind"), "workers": workers()}
-    run_command("benchmarks.error_limit", about, arguments, measure, blocks, options, draw)
+    run_command("benchmarks.error_limit", about, arguments, measure, blocks, options, draw, jobs=True)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from benchmarks import machine, processes, rows_table, run_command, workers
 from benchmarks.reference.stress import families
 from benchmarks.reference.stress.measure import drift
 from billiards_env.support.checks import Range, real
+from billiards_env.support.commands import Job
 
 # Thousands of shots of each kind, and the number of shots in one task.
 SHOTS = {
@@ -51,40 +52,45 @@ WORST = ("overlap", "outside", "rise", "momentum", "most_events")
 ADDED = ("shots", "contact_rule", "events")
 
 
-def run_random_shots(pool: Executor, scale: float) -> dict[str, dict[str, Any]]:
+def run_random_shots(pool: Executor, scale: float, job: Job) -> dict[str, dict[str, Any]]:
     """Runs all kinds of shots and returns the worst values of each kind."""
     tasks = []
     for name, (thousands, chunk) in SHOTS.items():
         count = max(1, round(1000 * thousands * scale / chunk))
         tasks += [(seed / count, name, seed, chunk) for seed in range(count)]
-    futures: dict[Future[dict[str, Any]], str] = {
-        pool.submit(families.check_family, name, 1000 + seed, chunk): name for _, name, seed, chunk in sorted(tasks)
+    futures: dict[Future[dict[str, Any]], tuple[str, int]] = {
+        pool.submit(families.check_family, name, 1000 + seed, chunk): (name, 1000 + seed)
+        for _, name, seed, chunk in sorted(tasks)
     }
     total: dict[str, dict[str, Any]] = {
         name: {key: 0 for key in ADDED} | {key: 0.0 for key in WORST} | {"bad": []} for name in SHOTS
     }
     with tqdm(total=sum(chunk for *_, chunk in tasks), unit="shot", unit_scale=True, smoothing=0.02) as bar:
         for future in as_completed(futures):
-            counts, sums = future.result(), total[futures[future]]
-            for key in ADDED:
-                sums[key] += counts.get(key, 0)
-            for key in WORST:
-                sums[key] = max(sums[key], counts.get(key, 0))
-            sums["bad"] += counts["bad"]
-            bar.update(counts["shots"])
+            name, seed = futures[future]
+            with job(f"{name}, seed {seed}"):
+                counts, sums = future.result(), total[name]
+                for key in ADDED:
+                    sums[key] += counts.get(key, 0)
+                for key in WORST:
+                    sums[key] = max(sums[key], counts.get(key, 0))
+                sums["bad"] += counts["bad"]
+                bar.update(counts["shots"])
     return total
 
 
-def measure(workers: int, scale: float) -> dict[str, Any]:
+def measure(workers: int, scale: float, job: Job) -> dict[str, Any]:
     """Runs a share of the shots, and gases with a share of a million collisions."""
     real("scale", scale, Range(1e-9, 1.0))
     for family in ("pool, 1 object ball", "pool, 5 object balls"):
         families.check_family(family, 0, 1)  # compiles the kernels once, for all processes
-    on, started = machine(), time.perf_counter()
+    on, started, drifts = machine(), time.perf_counter(), []
     with processes(workers) as pool:
-        shots = run_random_shots(pool, scale)
-        gases = [pool.submit(drift, n, round(1e6 * scale)) for n in (2, 16, 100)]
-        drifts = [gas.result() for gas in gases]
+        shots = run_random_shots(pool, scale, job)
+        gases = {n: pool.submit(drift, n, round(1e6 * scale)) for n in (2, 16, 100)}
+        for n, gas in gases.items():
+            with job(f"elastic gas of {n} disks"):
+                drifts.append(gas.result())
     minutes = round((time.perf_counter() - started) / 60, 1)
     return {"machine": on, "minutes": minutes, "shots": shots, "drift": drifts}
 
@@ -123,7 +129,8 @@ def blocks(data: dict[str, Any]) -> dict[str, str]:
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.stress --help`."""
     options = {"workers": workers(), "scale": (1.0, "share of the shots; for a trial with fewer give --output too")}
-    data = run_command("benchmarks.stress", "Run and check millions of shots.", arguments, measure, blocks, options)
+    about = "Run and check millions of shots."
+    data = run_command("benchmarks.stress", about, arguments, measure, blocks, options, jobs=True)
     if bad := sum(len(counts["bad"]) for counts in data["shots"].values()):
         sys.exit(f"{bad} shots broke a rule; their (seed, index, status) are in the results")
 

@@ -33,7 +33,18 @@ from billiards_env.physics.elementary import cos_sin, norm, sine_cosine
 from billiards_env.physics.state import CUE_BALL, SPIN_X, SPIN_Y, SPIN_Z, X, Y
 from billiards_env.physics.strike import CueNumbers, cue_numbers, speed_gain, squirt, struck
 from billiards_env.scene import Scene
-from billiards_env.support.checks import add_entry, entry_of, finite, numbers, shaped
+from billiards_env.support.checks import (
+    Range,
+    add_entry,
+    check_call,
+    entry_of,
+    finite,
+    integer,
+    numbers,
+    result_of,
+    shaped,
+    short,
+)
 
 
 class Action(NamedTuple):
@@ -85,13 +96,57 @@ ACTIONS: Entries[Action] = {
 
 
 def register_action(name: str, action: Action) -> None:
-    """Adds a kind of action of another package to `ACTIONS`. The errors are those of `checks.add_entry`."""
-    add_entry("action", name, action, ACTIONS, Action)
+    """Adds a kind of action of another package to `ACTIONS`.
+
+    Raises:
+        TypeError, ValueError: As in `checks.add_entry`, or the size is not that of a velocity or of a strike.
+    """
+    if isinstance(action, Action) and action.size != (5 if action.has_cue and action.converter is None else 2):
+        raise ValueError(f"size of action {name!r} = {short(action.size)}: expected 2, or 5 with has_cue = True")
+    add_entry("action", name, action, ACTIONS, Action, converter=2)
 
 
 def action_named(name: str) -> Action:
     """Returns the kind of action of a name."""
     return entry_of("action", name, ACTIONS)
+
+
+def converter_of(name: str, scene: Scene, max_speed: float) -> Any:
+    """Returns the object that converts actions, see `Action`; None for an action that is played as it is.
+
+    Raises:
+        TypeError: If it has no such method as `Action` describes.
+        ValueError: If its attribute `choices` does not suit the action.
+    """
+    entry, what = action_named(name), f"converter of action {name!r}"
+    if entry.converter is None:
+        return None
+    converter = result_of(what, object, entry.converter, scene, max_speed)
+    for method, count in (("velocities", 2), ("mask", 1))[: 1 + entry.is_choice]:
+        check_call(
+            f"{what} = {short(converter)}",
+            getattr(converter, method, None),
+            count,
+            f"a method {method!r}, see `Action`",
+        )
+    choices = Range(1, None) if entry.is_choice else Range(0, 0)
+    integer(f"choices of {what}", getattr(converter, "choices", 0), choices)
+    return converter
+
+
+def converted(name: str, converter: Any, actions: NDArray[Any], tables: Any) -> NDArray[np.float64]:
+    """Returns the velocities (k, 2) of actions, m/s, after a check. The arguments are as in `Action`."""
+    what = f"velocities of action {name!r}"
+    return finite(what, result_of(what, object, converter.velocities, actions, tables), (len(actions), 2))
+
+
+def possible(name: str, converter: Any, tables: Any) -> NDArray[np.float64]:
+    """Returns the mask (k, choices) of a converter after a check: 1 for the choices that are possible, else 0."""
+    what = f"mask of action {name!r}"
+    mask = shaped(what, result_of(what, object, converter.mask, tables), (len(tables.positions), converter.choices))
+    if not ((mask == 0.0) | (mask == 1.0)).all():
+        raise ValueError(f"{what} = {short(mask.tolist())}: expected zeros and ones")
+    return mask
 
 
 PLAYED = "velocity", "strike"

@@ -17,7 +17,17 @@ from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, 
 from billiards_env.engine.compile import varied_fields, varied_shot, vary, with_scatter
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shots import arrays_in, row_type, start_fields
-from billiards_env.envs.actions import SIDE, action_named, add_noise, clipped, shorten, strike_balls
+from billiards_env.envs.actions import (
+    SIDE,
+    action_named,
+    add_noise,
+    clipped,
+    converted,
+    converter_of,
+    possible,
+    shorten,
+    strike_balls,
+)
 from billiards_env.envs.arguments import NO_OPTIONS, Model, ResetOptions, cue_ball_alone
 from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays, SingleInfo, info_arrays, starts_of
@@ -25,7 +35,7 @@ from billiards_env.envs.observations import Observer, Source
 from billiards_env.envs.snapshots import EpisodeState, StateArrays, hashed_names, parts, scene_hash, state_type
 from billiards_env.envs.tasks import judge_pot, opening_of, task_of, write_legal_balls
 from billiards_env.games.game_state import REPLACE
-from billiards_env.jit import Typed, address_of, entry_point, kept, moved, specialised, streams
+from billiards_env.jit import Typed, address_of, entry_point, kept, kernels_of, moved, specialised, streams
 from billiards_env.physics.scatter import Scatter
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
@@ -34,7 +44,7 @@ from billiards_env.scene.layouts import Drawer, layout_plan
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
 from billiards_env.shots.tables import Tables
-from billiards_env.support.checks import short_name
+from billiards_env.support.checks import short, short_name
 
 if TYPE_CHECKING:
     from billiards_env.games.playing import GameState, Stroke
@@ -78,7 +88,8 @@ class Episodes:
         entry, setup = task_of(model.task, model.n_players), model.setup
         self._layout = Drawer(layout_plan(model.layout, scene, "" if setup is None else setup.rack))
         self._goal_layout = Drawer(layout_plan("random", cue_ball_alone(scene))) if model.goal_radius else None
-        opening, legal = opening_of(entry, scene, model.layout, **(setup.state_fields if setup else {}))
+        with kernels_of(f"task = {model.task!r}"):
+            opening, legal = opening_of(entry, scene, model.layout, **(setup.state_fields if setup else {}))
         numbers = TaskNumbers(
             targets=model.targets,
             bits=np.left_shift(1, np.arange(scene.n_balls)),
@@ -98,8 +109,7 @@ class Episodes:
 
             self._game = GameKernels(setup, model.n_numbers)
         self._limit = scene.physics.max_time or math.inf
-        make = action_named(model.action).converter
-        self._converter: Any = make and make(scene, model.max_speed)
+        self._converter: Any = converter_of(model.action, scene, model.max_speed)
         self.choices = getattr(self._converter, "choices", 0)
         self._cue = tuple(cue_numbers(scene)) if action_named(model.action).has_cue else None
         self.kind = state_type(model)
@@ -107,6 +117,14 @@ class Episodes:
         self._allocate(np.zeros(count * self._block_kind.itemsize, np.uint8))
         source = Source(model, self.seen, numbers, self.physics)
         self.observer = Observer(model.observe, source)
+        with kernels_of(f"observe = {short(self.observer.names)}"):
+            self.observer.write(0, 0, self.observer.new(0))
+        with kernels_of(f"task = {model.task!r}"):  # compiles
+            if self._game is None:
+                self._score.call(0, 0, self._numbers, self._arrays, self.rewards)
+            else:
+                self._game.begin(0, 0, self.state.over, self._arrays)
+                self._game.score(0, 0, self._numbers, self._arrays, self.turns, self.rewards)
         self.shots.cue[:] = CUE_BALL
         if memory is None:
             state = self.state
@@ -353,9 +371,9 @@ class Episodes:
         if self._converter:
             shooting = ~over if self._game is None else ~over & self._game.shoots(self.turns)
             rows = begin + np.flatnonzero(shooting[begin:end])
-            converted = self.actions if self.turns is None else self.turns.strokes
-            converted[rows] = self._converter.velocities(actions[rows], self._tables(rows)) / model.max_speed
-            actions = converted
+            velocities = converted(model.action, self._converter, actions[rows], self._tables(rows))
+            actions = self.actions if self.turns is None else self.turns.strokes
+            actions[rows] = velocities / model.max_speed
         if model.noise is not None:
             add_noise(begin, end, over, actions, model.noise, self.state.noise_stream)
         if self.scatter is not None:
@@ -393,7 +411,7 @@ class Episodes:
         assert self._converter is not None
         rows = begin + np.flatnonzero(mask[begin:end])
         self.mask[begin:end] *= ~self.state.over[begin:end, None]
-        self.mask[rows] = self._converter.mask(self._tables(rows))
+        self.mask[rows] = possible(self.model.action, self._converter, self._tables(rows))
 
     def _record(self, k: int) -> ShotResult:
         """Runs the shot of episode k as the engine does, and returns it with its trajectory."""

@@ -33,7 +33,7 @@ from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import distance_to_segment
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
-from billiards_env.support.checks import Range, add_entry, integer, key_of, sequence, short
+from billiards_env.support.checks import Range, add_entry, entry_of, integer, key_of, result_of, sequence, short
 
 _LEEWAY = 1e-9  # m, by which a path may overlap a ball, because the positions of balls that touch are rounded
 
@@ -436,7 +436,8 @@ FEATURES: Entries[Feature] = {
 
 def register_feature(name: str, feature: Feature) -> None:
     """Adds a feature of another package to `FEATURES`. The errors are those of `checks.add_entry`."""
-    add_entry("feature", name, feature, FEATURES, Feature)
+    reads = 3 if isinstance(feature, Feature) and feature.is_image else 1  # an image has a height and a width
+    add_entry("feature", name, feature, FEATURES, Feature, reads=reads)
 
 
 ROW = "observation"
@@ -482,12 +483,16 @@ class Observer:
         for entry in names:
             name, *sides = cast(Any, entry if isinstance(entry, tuple) and entry else (entry,))
             name = key_of("observe", name, FEATURES)
+            what = f"shape of feature {name!r}"
             if len(sides) != (2 if FEATURES[name].is_image else 0):
                 right = (name, "height", "width") if FEATURES[name].is_image else name
                 raise ValueError(f"observe = {short(entry)}: expected {right!r}")
             for side, size in zip(("height", "width"), sides, strict=False):
                 sizes[side] = integer(f"{side} of {name!r} in observe", size, SIDES)
-            shape = tuple(size if isinstance(size, int) else sizes[size] for size in FEATURES[name].shape)
+            shape = tuple(
+                entry_of(what, size, sizes) if isinstance(size, str) else integer(what, size, Range(0, None))
+                for size in sequence(what, FEATURES[name].shape)
+            )
             if 0 in shape:
                 raise ValueError(f"observe = {name!r}: expected {FEATURES[name].needs} in the environment")
             self.features[name] = shape
@@ -518,17 +523,20 @@ class Observer:
     def _bind(self) -> None:
         first, self._writers = 0, []  # a key of the observation, a writer and its arguments after `observations`
         for name, shape in self.features.items():
-            entry = FEATURES[name]
             if FEATURES[name].is_image:
-                self._writers.append((name, self._write[name], entry.reads(self._source, *shape[:2])))
+                self._writers.append((name, self._write[name], self._read(name, *shape[:2])))
             else:
-                self._writers.append((ROW, self._write[name], (first, *entry.reads(self._source))))
+                self._writers.append((ROW, self._write[name], (first, *self._read(name))))
                 first += math.prod(shape)
         if self._has_goal:
             source = self._source
             achieved = source.half_extents, tuple(source.numbers), tuple(source.arrays)
             self._writers.append((ACHIEVED, self._write[ACHIEVED], achieved))
             self._writers.append((DESIRED, self._write[DESIRED], (source.arrays.goals,)))
+
+    def _read(self, name: str, *sides: int) -> tuple[Any, ...]:
+        """Returns the arguments of the writer of a feature."""
+        return result_of(f"reads of feature {name!r}", tuple, FEATURES[name].reads, self._source, *sides)
 
     def bound(self, arrays: EpisodeArrays, physics: Mapping[str, NDArray[np.float64]]) -> Observer:
         """Returns an observer of other episodes of the same environment."""

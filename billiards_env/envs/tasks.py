@@ -291,7 +291,7 @@ GAME_SHOTS = 200
 
 def register_task(name: str, task: Task) -> None:
     """Adds a task of another package to `TASKS`. The errors are those of `checks.add_entry`."""
-    add_entry("task", name, task, TASKS, Task)
+    add_entry("task", name, task, TASKS, Task, judge=3, condition=3)
 
 
 def task_of(name: str, n_players: int = 1) -> Task:

@@ -50,7 +50,18 @@ from billiards_env.scene import Scene, check_ends_on_cloth, check_positions, che
 from billiards_env.scene.outline import Point
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
-from billiards_env.support.checks import Range, entry_of, flag, integer, one_of, real, shaped, short, short_name
+from billiards_env.support.checks import (
+    Range,
+    entry_of,
+    flag,
+    integer,
+    one_of,
+    real,
+    result_of,
+    shaped,
+    short,
+    short_name,
+)
 
 MAX_SCORE = 1_000_000
 """The largest absolute value of a score."""
@@ -128,6 +139,8 @@ class Setup:
         name, (low, high), pockets = f"rules = {self.rules!r} with", rules.n_object_balls, len(table.pockets)
         numbers = str(low) if low == high else f"{low} to {high}"
         _expect(low <= balls <= high, f"{name} a scene of {balls} object ball{'s' * (balls != 1)}", numbers)
+        for ball in rules.cue_balls:
+            integer(f"cue_balls of game {self.rules!r}", ball, Range(0, balls))
         expected = "a table with pockets" if rules.pockets else "a table without pockets"
         _expect(rules.pockets == (pockets > 0), f"{name} a table of {pockets} pockets", expected)
         corners = [(p.x > 0.0, p.y > 0.0) for p in table.pockets[FOOT_RIGHT : FOOT_LEFT + 1]]
@@ -149,8 +162,11 @@ class Setup:
             what = f"target = {short(self.target)} with rules {self.rules!r}"
             _expect(self.target is None, what, "None, the game has no points")
         else:
-            target = rules.target(balls) if self.target is None else self.target
-            object.__setattr__(self, "target", integer("target", target, Range(0, MAX_SCORE)))
+            what, target = "target", self.target
+            if target is None:
+                what = f"target of game {self.rules!r}"
+                target = result_of(what, object, rules.target, balls)
+            object.__setattr__(self, "target", integer(what, target, Range(0, MAX_SCORE)))
         _ = self.placement_table  # raises if the scene has no spots or no rack
         for name, possible in (("call_shot", rules.callable is not None), ("miss", "replace" in rules.choices)):
             what = f"{name} = True with rules {self.rules!r}"
@@ -420,13 +436,15 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
         The shot, with the state after it.
 
     Raises:
+        TypeError: If a part of the stroke has another type.
         ValueError: If the game is over, a number is outside its range (see `checks.RANGES`), `stroke.place` is missing
             with the cue ball in hand or given without it, or the call is not possible.
     """
     state = game.state
     if state.over:
         raise ValueError("the game is over: expected no further shot")
-    _check_stroke(setup, state, stroke)
+    check_stroke(setup.scene, stroke)
+    _check_rules(setup, state, stroke)
     scene, cue, n = setup.scene, int(state.cue_balls[0]), setup.scene.n_balls
     positions = game.positions.copy()
     if stroke.place is not None:
@@ -460,8 +478,24 @@ def _without_shot(setup: Setup, game: GameState, call: Call) -> GameState:
     return GameState(positions, state)
 
 
-def _check_stroke(setup: Setup, state: Any, stroke: Stroke) -> None:
-    """Raises a ValueError if a stroke is not possible, see `play`."""
+def check_stroke(scene: Scene, stroke: Stroke) -> None:
+    """Raises a TypeError or a ValueError unless a stroke has numbers within their ranges, see `checks.RANGES`."""
+    for name, value, kind in (("stroke", stroke, Stroke), ("stroke.call", getattr(stroke, "call", None), Call)):
+        if not isinstance(value, kind):
+            raise TypeError(f"{name} = {short(value)}: expected the type {kind.__name__}, not {type(value).__name__}")
+    axes = 3 if scene.physics.flight and np.shape(stroke.velocity) == (3,) else 2
+    for name, count, within in (("velocity", axes, "speed"), ("place", 2, "coordinate"), ("spin", 3, "spin")):
+        values = getattr(stroke, name)
+        if name == "place" and values is None:
+            continue
+        right = isinstance(values, (list, tuple, np.ndarray)) and len(values) == count
+        _expect(right, f"stroke.{name} = {short(values)}", f"{('two', 'three')[count - 2]} numbers")
+        for i, value in enumerate(values):
+            real(f"stroke.{name}[{i}]", value, within)
+
+
+def _check_rules(setup: Setup, state: Any, stroke: Stroke) -> None:
+    """Raises a ValueError if the rules or the physics do not allow a stroke, see `play`."""
     call, n = stroke.call, setup.scene.n_balls
     one_of("stroke.call.kind", call.kind, setup.kinds(state))
     integer("stroke.call.ball", call.ball, Range(-1, n - 1))
@@ -472,13 +506,6 @@ def _check_stroke(setup: Setup, state: Any, stroke: Stroke) -> None:
         return
     expected = "a point, the cue ball is in hand" if state.in_hand else "None, the cue ball is not in hand"
     _expect((stroke.place is not None) == (state.in_hand > 0), f"stroke.place = {short(stroke.place)}", expected)
-    axes = 3 if setup.scene.physics.flight and len(stroke.velocity) == 3 else 2
-    for name, count, within in (("velocity", axes, "speed"), ("place", 2, "coordinate"), ("spin", 3, "spin")):
-        values = getattr(stroke, name)
-        right = values is None or len(values) == count
-        _expect(right, f"stroke.{name} = {short(values)}", f"{('two', 'three')[count - 2]} numbers")
-        for i, value in enumerate(() if values is None else values):
-            real(f"stroke.{name}[{i}]", value, within)
     motion = setup.scene.physics.motion
     spinless = motion == "sliding" or not any(stroke.spin)
     _expect(spinless, f"stroke.spin = {short(stroke.spin)} with physics.motion = {motion!r}", "no spin")

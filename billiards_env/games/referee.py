@@ -36,13 +36,22 @@ from billiards_env.support.checks import add_entry, entry_of
 FAMILIES = pool, one_pocket, bank_pool, blackball, snooker, carom
 """The modules with the rules of the games."""
 
+ARGUMENTS = {
+    **dict.fromkeys(("target", "most_points"), 1),
+    **dict.fromkeys(("legal", "callable"), 2),
+    **dict.fromkeys(("judge", "look", "rerack"), 3),
+    **dict.fromkeys(("rack", "free_ball"), 4),
+    **dict.fromkeys(("spot", "see"), 5),
+}
+"""The number of arguments of each function of a `Game`."""
+
 GAMES: dict[str, Game] = {name: game for family in FAMILIES for name, game in family.GAMES.items()}
 """The games by name."""
 
 
 def register_game(name: str, game: Game) -> None:
     """Adds a game of another package to `GAMES`. The errors are those of `checks.add_entry`."""
-    add_entry("game", name, game, GAMES, Game)
+    add_entry("game", name, game, GAMES, Game, **ARGUMENTS)
 
 
 @inlined

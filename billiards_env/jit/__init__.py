@@ -8,6 +8,7 @@ from billiards_env.jit.decorators import (
     expanded,
     inlined,
     kernel,
+    kernels_of,
     specialised,
 )
 from billiards_env.jit.kept import address_of, kept, moved
@@ -22,6 +23,7 @@ __all__ = [
     "inlined",
     "kept",
     "kernel",
+    "kernels_of",
     "moved",
     "specialised",
 ]

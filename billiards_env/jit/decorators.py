@@ -23,6 +23,7 @@ from numba.core.caching import (
     NullCache,
     UserProvidedCacheLocator,
 )
+from numba.core.errors import NumbaError
 from numba.core.registry import CPUDispatcher
 
 from billiards_env.jit.code_hash import code_hash, fields_of
@@ -135,6 +136,15 @@ class Typed:
     def _first_call(self, *arguments: Any) -> Any:
         self.call = self._entry.compile(tuple(map(self._entry.typeof_pyval, arguments)))
         return self.call(*arguments)
+
+
+@contextlib.contextmanager
+def kernels_of(what: str) -> Iterator[None]:
+    """Names what the block compiles kernels for, as "name = value", if they do not compile."""
+    try:
+        yield
+    except (NumbaError, TypeError) as error:  # a TypeError for another number of arguments
+        raise TypeError(f"{what}: expected kernels with the arguments and results of the documentation") from error
 
 
 def _compiled(dispatcher: type[CPUDispatcher], function: F, **options: Any) -> F:

@@ -25,7 +25,7 @@ from billiards_env.play.model import STEEPEST, WindowModel, begin, pot_at, shoot
 from billiards_env.play.view import FPS, INK, PAPER, View
 from billiards_env.players.levels import EXPECTED, LevelPlayer, with_noise
 from billiards_env.players.planner import Plan, plan
-from billiards_env.players.situation import Player, game_situation
+from billiards_env.players.situation import Player, game_situation, stroke_of
 from billiards_env.support.checks import short_name
 from billiards_env.support.files import free_path
 
@@ -300,7 +300,7 @@ class GameWindow:
             self._plans = plans = []  # of this thread
             (rng,), intend = self._rng.spawn(1), level.intend if level else player
             situation = game_situation(model.setup, model.game, model.max_speed)._replace(watch=plans.append)
-            self._start(lambda: intend(situation, rng))
+            self._start(lambda: stroke_of(intend, situation, rng))
         elif not work.done():
             if time.monotonic() - work.start > model.clock + 1:
                 self.model = tick(model, 1.0)  # once per second, because the window shows whole seconds

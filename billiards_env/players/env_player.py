@@ -22,16 +22,16 @@ from numpy.typing import NDArray
 
 from billiards_env.engine.strikes import level_strike, strike
 from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
-from billiards_env.envs.actions import PLAYED, action_named, cue_strike
+from billiards_env.envs.actions import PLAYED, action_named, converted, converter_of, cue_strike
 from billiards_env.envs.observations import nth
 from billiards_env.envs.tasks import TASKS, task_of
 from billiards_env.games import GameState, Setup, Stroke, members, play
 from billiards_env.games.game_state import NOT_IN_HAND, changed, set_of
 from billiards_env.games.placement import cue_ball_area
-from billiards_env.games.playing import opening_state
+from billiards_env.games.playing import check_stroke, opening_state
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
-from billiards_env.players.situation import Noise, Player, Situation, game_situation, rating
+from billiards_env.players.situation import Noise, Player, Situation, game_situation, rating, stroke_of
 from billiards_env.shots.tables import Tables
 from billiards_env.support.checks import finite, numbers, one_of
 
@@ -62,7 +62,7 @@ def acting(player: Player, env: gym.Env[Any, Any], noise: Noise = (0.0, 0.0), se
         seed: The seed of the random numbers of the player.
     """
     base, rng = cast(BilliardsEnv, env.unwrapped), np.random.default_rng(seed)
-    return lambda observation: action_of(base, player(env_situation(base, observation, noise), rng))
+    return lambda observation: action_of(base, stroke_of(player, env_situation(base, observation, noise), rng))
 
 
 def env_situation(env: BilliardsEnv, observation: Any = None, noise: Noise = (0.0, 0.0)) -> Situation:
@@ -113,7 +113,7 @@ def acting_in(player: Player, envs: BilliardsVectorEnv, seed: int | None = None)
         actions = []
         for k, state in enumerate(envs.get_state(rows)):
             env.set_state(state)
-            actions.append(action_of(env, player(env_situation(env, nth(observations, k)), rng)))
+            actions.append(action_of(env, stroke_of(player, env_situation(env, nth(observations, k)), rng)))
         return np.array(actions)
 
     return policy
@@ -154,10 +154,12 @@ def action_of(env: BilliardsEnv, stroke: Stroke) -> Floats:
     An `ActionStroke` has its own action. For others it is computed from the velocity, the spin, the place and the call.
 
     Raises:
-        ValueError: If the stroke has no action, and the environment converts its actions.
+        TypeError, ValueError: If a number of the stroke is wrong, or the stroke has no action, and the environment
+            converts its actions.
     """
     if isinstance(stroke, ActionStroke) and stroke.action:
         return np.array(stroke.action).reshape(env.action_space.shape)
+    check_stroke(env.scene, stroke)
     parts = [_shot_numbers(env, stroke)]
     if env.model.can_place:
         area, place = np.array(cue_ball_area(env.scene, env.game.state)).reshape(2, 2), stroke.place
@@ -200,9 +202,12 @@ def _shot_numbers(env: BilliardsEnv, stroke: Stroke) -> Floats:
 
 
 def _stroke(env: BilliardsEnv, table: Tables, action: Any) -> ActionStroke:
-    array, convert = finite("action", action, env.action_space.shape), action_named(env.action).converter
-    if convert:
-        (velocity,), spin = convert(env.scene, table.max_speed).velocities(array[None], table), np.zeros(3)
+    array, converter = (
+        finite("action", action, env.action_space.shape),
+        converter_of(env.action, env.scene, table.max_speed),
+    )
+    if converter is not None:
+        (velocity,), spin = converted(env.action, converter, array[None], table), np.zeros(3)
     else:
         velocity, spin, _ = cue_strike(array, table.scene, table.max_speed)
     wx, wy, wz = spin.tolist()

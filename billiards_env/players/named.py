@@ -15,7 +15,6 @@ from __future__ import annotations
 import functools
 import importlib
 import importlib.metadata
-import inspect
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -26,7 +25,7 @@ from billiards_env.games import Setup
 from billiards_env.players.levels import planning
 from billiards_env.players.situation import Player
 from billiards_env.players.strategies import SHOTS, geometric, random, reach_goals, search
-from billiards_env.support.checks import add_entry, suggestion
+from billiards_env.support.checks import add_entry, check_call, result_of, suggestion
 
 Where = Setup | gym.Env[Any, Any]
 """The game that a player plays, or the environment."""
@@ -67,7 +66,7 @@ PLAYERS: Entries[PlayerEntry] = {
 
 def register_player(name: str, player: PlayerEntry) -> None:
     """Adds a player of another package to `PLAYERS`. The errors are those of `checks.add_entry`."""
-    add_entry("player", name, player, PLAYERS, PlayerEntry)
+    add_entry("player", name, player, PLAYERS, PlayerEntry, make=2)
 
 
 def find_player(text: str, where: Where, others: Sequence[str] = ()) -> Player:
@@ -96,9 +95,7 @@ def find_player(text: str, where: Where, others: Sequence[str] = ()) -> Player:
         if isinstance(maker, PlayerEntry):
             return _made(maker, text, argument if colon else None, where)
     _check_call(text, maker, 1, "(argument) that returns a player")
-    player = maker(argument)
-    _check_call(text, player, 2, "that returns a player (situation, rng)")
-    return player
+    return _checked(text, maker, argument)
 
 
 def _made(entry: PlayerEntry, text: str, argument: str | None, where: Where) -> Player:
@@ -107,7 +104,14 @@ def _made(entry: PlayerEntry, text: str, argument: str | None, where: Where) -> 
         raise ValueError(f"player = {text!r}: expected {text.removesuffix(f':{argument}')!r}, a name without ':'")
     if entry.needs_pockets and isinstance(where, Setup) and not where.game_rules.pockets:
         raise ValueError(f"player = {text!r} with rules = {where.rules!r}: expected a game with pockets")
-    return entry.make(entry.argument or "" if argument is None else argument, where)
+    return _checked(text, entry.make, entry.argument or "" if argument is None else argument, where)
+
+
+def _checked(text: str, maker: Callable[..., Any], *arguments: Any) -> Player:
+    """Returns the player that a function makes. Raises a TypeError if it is no player."""
+    player = result_of(f"player {text!r}", object, maker, *arguments)
+    _check_call(text, player, 2, "that returns a player (situation, rng)")
+    return player
 
 
 def _imported(text: str, module: str, function: str, names: Sequence[str]) -> Any:
@@ -134,8 +138,4 @@ def _imported(text: str, module: str, function: str, names: Sequence[str]) -> An
 
 def _check_call(text: str, function: Any, arguments: int, what: str) -> None:
     """Raises a TypeError unless a function takes a number of arguments; `what` describes a right one."""
-    try:
-        inspect.signature(function).bind(*range(arguments))
-    except (TypeError, ValueError):  # a ValueError for a built-in function without a signature
-        message = f"player = {text!r}: expected a function {what}, see billiards_env.players.named"
-        raise TypeError(message) from None
+    check_call(f"player = {text!r}", function, arguments, f"a function {what}, see billiards_env.players.named")

@@ -19,7 +19,7 @@ from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
 from billiards_env.players.aim import FirstTouch, Goal, Pot, carom_goals
 from billiards_env.pots.finder import PotShots, pot_shots
 from billiards_env.shots.tables import Tables
-from billiards_env.support.checks import finite, one_of
+from billiards_env.support.checks import finite, one_of, result_of, short
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -96,6 +96,11 @@ class Situation(NamedTuple):
 
 
 Player = Callable[[Situation, np.random.Generator], Stroke]
+
+
+def stroke_of(player: Player, situation: Situation, rng: np.random.Generator) -> Stroke:
+    """Returns the stroke of a player. Raises a TypeError if it is no `Stroke`; the errors of the player pass."""
+    return result_of(f"stroke of {short(player)}", Stroke, player, situation, rng)
 
 
 def game_situation(

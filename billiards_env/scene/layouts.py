@@ -61,7 +61,20 @@ from billiards_env.jit import Typed, entry_point, kept, kernel, streams
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.scene import Scene, check_positions, check_scene
 from billiards_env.scene.outline import pieces
-from billiards_env.support.checks import add_entry, key_of, short_name
+from billiards_env.support.checks import (
+    Range,
+    add_entry,
+    check_call,
+    finite,
+    integer,
+    key_of,
+    one_of,
+    real,
+    result_of,
+    shaped,
+    short,
+    short_name,
+)
 
 Floats = NDArray[np.float64]
 
@@ -201,7 +214,33 @@ def layout_plan(name: str, scene: Scene, game: str = "") -> LayoutPlan:
 
 @functools.lru_cache(maxsize=256)
 def _cached_plan(name: str, scene: Scene, make: PlanMaker, rack: Rack | None) -> LayoutPlan:
-    return make(name, scene) if rack is None else rack_plan(name, scene, rack)
+    plan = (
+        result_of(f"layout {name!r}", LayoutPlan, make, name, scene) if rack is None else rack_plan(name, scene, rack)
+    )
+    _check_plan(f"layout {name!r}", scene, plan)
+    return plan
+
+
+def _check_plan(what: str, scene: Scene, plan: LayoutPlan) -> None:
+    """Raises unless a plan, which may be of another package, suits a scene: the kernels check no index."""
+    n = scene.n_balls
+    sizes = {"spots": (n, 2), "order": (n,), "limits": (n, 3), "radius": (n,), "corners": (len(plan.corners), 3)}
+    for name, shape in sizes.items():
+        array, kind = getattr(plan, name), np.dtype(np.int64 if name in ("order", "corners") else np.float64)
+        finite(f"{name} of {what}", array, shape)
+        if not isinstance(array, np.ndarray) or array.dtype != kind:
+            raise TypeError(f"{name} of {what} = {short(array)}: expected an array of {kind}")
+    groups = plan.corners[:, 1:].sum(axis=1)
+    for name, value, right in (
+        ("order", plan.order, sorted(plan.order) == list(range(n))),
+        ("corners", plan.corners, (plan.corners >= 0).all() and (plan.corners[:, 0] < n).all() and (groups <= n).all()),
+        ("midway", plan.midway, n == 3 or not plan.midway),
+    ):
+        if not right:
+            raise ValueError(f"{name} of {what} = {short(value)}: expected the balls of a scene with {n} balls")
+    integer(f"n_spots of {what}", plan.n_spots, Range(0, n))
+    integer(f"shuffled of {what}", plan.shuffled, Range(0, 2**n - 1))
+    real(f"displacement of {what}", plan.displacement, Range(0.0, math.inf, "m"))
 
 
 def _random_plan(name: str, scene: Scene) -> LayoutPlan:
@@ -448,6 +487,14 @@ def make_plan(
     Raises:
         ValueError: If the balls cannot fit.
     """
+    what = f"layout {name!r}"
+    one_of("layout", name, tuple(LAYOUTS))
+    spots = shaped(f"spots of {what}", spots, (scene.n_balls, 2))
+    for ball in drawn:
+        integer(f"drawn of {what}", ball, Range(0, scene.n_balls - 1))
+    x_most = real(f"x_most of {what}", x_most, Range(-math.inf, math.inf, "m"))
+    d_radius = real(f"d_radius of {what}", d_radius, Range(0.0, math.inf, "m"))
+    displacement = real(f"displacement of {what}", displacement, Range(0.0, math.inf, "m"))
     placed = [i for i in range(scene.n_balls) if i not in drawn]
     order, n_spots = np.array([*placed, *drawn], np.int64), len(placed)
     radius = np.array(scene.balls.radius)
@@ -586,4 +633,6 @@ def register_layout(name: str, make: PlanMaker) -> None:
     Raises:
         TypeError, ValueError: See `checks.add_entry`.
     """
+    if isinstance(make, FunctionType):
+        check_call(f"layout {name!r} = {short(make)}", make, 2)
     add_entry("layout", name, make, LAYOUTS, FunctionType)

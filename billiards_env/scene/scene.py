@@ -61,6 +61,7 @@ from billiards_env.support.checks import (
     numbers,
     one_of,
     real,
+    result_of,
     sequence,
     short,
 )
@@ -521,9 +522,13 @@ class Scene:
             >>> scene.n_balls, len(scene.table.pockets), scene.physics.motion
             (16, 6, 'sliding')
         """
-        scene = entry_of("scene", name, NAMED)
-        n = scene.usual if n_object_balls is None else n_object_balls
-        return scene.build(integer("n_object_balls", n, Range(0, scene.most, f"for scene {name!r}")) + 1)
+        entry = entry_of("scene", name, NAMED)
+        n = entry.usual if n_object_balls is None else n_object_balls
+        balls = integer("n_object_balls", n, Range(0, entry.most, f"for scene {name!r}")) + 1
+        scene = result_of(f"scene {name!r}", Scene, entry.build, balls)
+        if scene.n_balls != balls:
+            raise ValueError(f"n_balls of scene {name!r} = {scene.n_balls}: expected {balls}")
+        return scene
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:
@@ -748,7 +753,7 @@ SCENES = tuple(NAMED)
 
 def register_scene(name: str, scene: NamedScene) -> None:
     """Adds a scene of another package to those of `Scene.named`. The errors are those of `checks.add_entry`."""
-    add_entry("scene", name, scene, NAMED, NamedScene)
+    add_entry("scene", name, scene, NAMED, NamedScene, build=1)
 
 
 def check_scene(scene: Scene) -> None:

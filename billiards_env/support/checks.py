@@ -10,10 +10,11 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import importlib
+import inspect
 import math
 import re
 import sys
-from collections.abc import Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from numbers import Real
 from typing import Any, NamedTuple, TypeVar
 
@@ -260,7 +261,7 @@ def short_name(name: str) -> str:
     return name.rpartition(":")[2]
 
 
-def add_entry(what: str, name: str, entry: T, table: MutableMapping[str, T], kind: type) -> None:
+def add_entry(what: str, name: str, entry: T, table: MutableMapping[str, T], kind: type, **takes: int) -> None:
     """Adds an entry of another package to a table, such as `TASKS`.
 
     The same entry may be added again, for example if its module is loaded again. Its functions are then other objects
@@ -272,18 +273,66 @@ def add_entry(what: str, name: str, entry: T, table: MutableMapping[str, T], kin
         entry: The entry.
         table: The entries by name.
         kind: The type of the entries.
+        **takes: The number of arguments of each function of the entry, by its attribute.
 
     Raises:
-        TypeError: If the entry has another type.
+        TypeError: If the entry has another type, or a function does not take its arguments.
         ValueError: If the name is not an identifier, or another entry has it.
     """
     if not (isinstance(name, str) and name.isascii() and name.isidentifier()):
         raise ValueError(f"name = {short(name)}: expected ASCII letters, digits and underscores, such as 'my_{what}'")
     if not isinstance(entry, kind):
         raise TypeError(f"{what} = {short(entry)}: expected the type {kind.__name__}, not {type(entry).__name__}")
+    for attribute, count in takes.items():
+        function = getattr(entry, attribute)
+        if function is not kind._field_defaults.get(attribute, entry):  # pyright: ignore[reportAttributeAccessIssue]
+            check_call(f"{attribute} of {what} {name!r} = {short(function)}", function, count)
     if name in table and _definition(table[name]) != _definition(entry):
         raise ValueError(f"name = {name!r}: expected a name that no other {what} has")
     table[name] = entry
+
+
+def check_call(what: str, function: Any, count: int, expected: str = "") -> None:
+    """Raises a TypeError unless a function takes `count` arguments.
+
+    Args:
+        what: The text "name = value".
+        function: The function, or anything else.
+        count: The number of arguments.
+        expected: What is expected; by default a function with this number of arguments.
+    """
+    try:
+        inspect.signature(getattr(function, "py_func", function)).bind(*range(count))
+    except (TypeError, ValueError):  # a ValueError for a built-in function without a signature
+        usual = f"a function with {count} argument{'s' * (count != 1)}"
+        raise TypeError(f"{what}: expected {expected or usual}") from None
+
+
+def result_of(name: str, kind: Any, function: Callable[..., Any], *arguments: Any) -> Any:
+    """Returns the result of a function of another package. The errors of the function pass.
+
+    Args:
+        name: The name of the result, used in error messages.
+        kind: The type of the result; `object` for any.
+        function: The function.
+        *arguments: Its arguments.
+
+    Raises:
+        TypeError: If the result has another type.
+        ValueError: If the function ends the process.
+
+    Example:
+        >>> result_of("scene 'mine'", dict, list)
+        Traceback (most recent call last):
+        TypeError: scene 'mine' = []: expected the type dict, not list
+    """
+    try:
+        result = function(*arguments)
+    except SystemExit as error:
+        raise ValueError(f"{name} = SystemExit({error}): expected a result") from error
+    if not isinstance(result, kind):
+        raise TypeError(f"{name} = {short(result)}: expected the type {kind.__name__}, not {type(result).__name__}")
+    return result
 
 
 def _definition(entry: Any) -> Any:

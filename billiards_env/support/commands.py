@@ -11,9 +11,12 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
-from typing import Any
+from typing import Any, TypeAlias
+
+Job: TypeAlias = Callable[[str], AbstractContextManager[None]]
+"""Returns the context in which a job runs; the argument is its name. See `all_jobs`."""
 
 ERRORS = (ImportError, OSError, RuntimeError, TypeError, ValueError)
 """The errors of wrong input and of the system, such as a full disk. A RuntimeError comes from pygame or Ray."""
@@ -51,15 +54,15 @@ def ending(resumes: str = "") -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def all_jobs() -> Iterator[Callable[[str], AbstractContextManager[None]]]:
+def all_jobs() -> Iterator[Job]:
     """Runs all jobs, also after one has failed, and raises their errors at the end.
 
     Yields:
         A function whose argument is the name of a job. It returns the context in which the job runs.
 
     Raises:
-        RuntimeError: If jobs failed: a line for each error, with the names of the jobs. The error of the only job is
-            raised itself.
+        RuntimeError: If jobs failed: a line for each error, with the names of up to 8 jobs. The error of the only job
+            is raised itself.
 
     Example:
         >>> with all_jobs() as job:
@@ -89,7 +92,12 @@ def all_jobs() -> Iterator[Callable[[str], AbstractContextManager[None]]]:
     for name, error in errors:
         names.setdefault(error_text(error), []).append(name)
     if names:
-        raise RuntimeError("\n".join(f"{', '.join(names[text])}: {text}" for text in names))
+        raise RuntimeError("\n".join(f"{_first(names[text])}: {text}" for text in names))
+
+
+def _first(names: Sequence[str], most: int = 8) -> str:
+    """Returns the first names as text, and the number of the others."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def error_text(error: Exception) -> str:

@@ -1,15 +1,20 @@
 """What was computed before an error is kept: a job that fails stops no other one, and results are written first."""
 
+import importlib
 import json
+import re
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from benchmarks import run_command
+import benchmarks
+from benchmarks import run_command, simulators, stress
 from billiards_env import __main__ as command
 from billiards_env.bench import benchmark
+from billiards_env.engine import PIC, Engine
 from billiards_env.support.commands import all_jobs
 
+DRIFTS = ["energy_drift", "momentum_drift", "deepest_overlap_m"]
 FULL = OSError("the disk is full")
 
 
@@ -33,6 +38,8 @@ def test_a_job_that_fails_stops_no_other_one():
     with pytest.raises(RuntimeError, match=message):
         run({"one": FULL, "two": FULL, "three": KeyError("four"), "five": None}, done)
     assert done == ["five"]
+    with pytest.raises(RuntimeError, match=r"^a, b, c, d, e, f, g, h and 2 more: the disk is full$"):
+        run(dict.fromkeys("abcdefghij", FULL), done)
     with pytest.raises(BrokenPipeError):
         run({"one": BrokenPipeError(), "two": None}, done)
     assert done == ["five"]
@@ -95,6 +102,80 @@ def test_results_are_written_before_pictures(tmp_path):
     with pytest.raises(SystemExit, match=r"^error: the disk is full"):
         run_measurement(tmp_path, lambda: {"rows": 2})
     assert json.loads((tmp_path / "new" / "results.json").read_text()) == {"rows": 2}
+
+
+def failing_at(wrong, result):
+    """Returns a function that fails if its first arguments are `wrong`, and else returns a result."""
+
+    def work(*arguments, **_):
+        return fail() if wrong == arguments[: len(wrong)] else result
+
+    return work
+
+
+ENGINES = [PIC, *(Engine("pit", 1 / 15, fix) for fix in ("push_apart", "move_back", "none"))]
+SHOT = {"complete": True, "outcome_as_oracle": True, "errors": [1e-3] * 4}
+COMPARED = {"error": 1e-15, "condition": 1.0, "ratio": 1.0, "same_events": True, "to_end": True, "events": 5}
+CELL = [{"us": 1.0, "ratio": 1.0, "unfinished": 0, "compared": 1, "median_error_m": 1e-15}]
+FAILING = {
+    "accuracy": (
+        ["--shots", "4", "--outcomes", "10", "--passes", "1"],
+        {
+            "PIT": ENGINES[1:],
+            "compare_outcomes": failing_at(("5 object balls",), {}),
+            "follow_shot": failing_at(("carom",), SHOT),
+            "seconds_per_shot": failing_at(("2 elastic disks",), {engine: [1.0] for engine in ENGINES}),
+        },
+        "2 elastic disks, carom, shot 0, carom, shot 1, carom, shot 2, carom, shot 3, 5 object balls",
+        "shots of each scene",
+    ),
+    "calibration": (
+        ["--repeats", "2"],
+        {"fit_repeat": failing_at(("han2005", 1), {"values": {}, "intervals": {}, "problems": 1})},
+        "han2005, shot 1",
+        "In 3 of the 3 fits",
+    ),
+    "comparison": (
+        ["--shots", "1"],
+        {"compare": failing_at(("throw and jaws",), CELL)},
+        "throw and jaws",
+        "elastic disks",
+    ),
+    "error_limit": (
+        ["--shots", "2"],
+        {"compare": failing_at(("carom", 0), COMPARED)},
+        "carom, shot 0",
+        r"\| carom +\| +1 of 1 ",
+    ),
+    "stress": (
+        ["--scale", "1e-9"],
+        {
+            "families.run": failing_at(("wild",), {"shots": 1, "events": 5, "bad": []}),
+            "drift": failing_at((16,), dict.fromkeys(["disks", "collisions", *DRIFTS], 2)),
+        },
+        "wild, seed 1000, elastic gas of 16 disks",
+        "2 disks",
+    ),
+}
+"""Commands: their arguments, what fails in them, the names in the error, and a pattern of the table of the rest."""
+
+
+@pytest.mark.parametrize("command", FAILING)
+def test_a_measurement_keeps_the_rows_that_are_finished(command, tmp_path, monkeypatch, capsys):
+    arguments, parts, names, shown = FAILING[command]
+    module = importlib.import_module(f"benchmarks.{command}")
+    for path, value in parts.items():
+        monkeypatch.setattr(f"benchmarks.{command}.{path}", value)
+    for owner in (benchmarks, stress):
+        monkeypatch.setattr(owner, "processes", ThreadPoolExecutor)
+    monkeypatch.setattr(benchmarks, "workers", lambda: (1, ""))
+    monkeypatch.setattr(simulators, "PYTHON", tmp_path / "python")
+    with pytest.raises(SystemExit, match=rf"^error: {names}: the disk is full$"):
+        module.main([*arguments, "--output", str(tmp_path / "results.json")])
+    result = json.loads((tmp_path / "results.json").read_text())
+    printed = capsys.readouterr().out
+    assert re.search(shown, printed)
+    assert all(block in printed for block in module.blocks(result).values())
 
 
 def test_a_file_that_cannot_be_written_is_an_error_before_the_measurement(tmp_path):

@@ -1,0 +1,286 @@
+"""Results of functions that another package registers: each wrong one is an error that names the entry."""
+
+import functools
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+
+from billiards_env import (
+    Scene,
+    register_action,
+    register_feature,
+    register_game,
+    register_layout,
+    register_player,
+    register_scene,
+    register_task,
+)
+from billiards_env.envs import make_env
+from billiards_env.envs.actions import ACTIONS, Action
+from billiards_env.envs.observations import FEATURES, Feature
+from billiards_env.envs.tasks import TASKS, Task
+from billiards_env.games import GAMES, Setup, Stroke, opening, play
+from billiards_env.games.entry import Game
+from billiards_env.games.game_state import verdict
+from billiards_env.games.pool import any_ball
+from billiards_env.jit import entry_point, inlined, kernel
+from billiards_env.players.env_player import acting
+from billiards_env.players.named import PLAYERS, PlayerEntry, find_player
+from billiards_env.players.situation import game_situation
+from billiards_env.scene import NamedScene, layouts, scene
+from billiards_env.scene.layouts import make_plan
+
+TABLES: list[Any] = [TASKS, FEATURES, ACTIONS, layouts.LAYOUTS, scene.NAMED, GAMES, PLAYERS]
+NAMES = (f"wrong_{k}" for k in itertools.count())
+SPOTS, NAN, RNG = np.array([[0.1, 0.1], [0.5, 0.2]]), float("nan"), np.random.default_rng
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own_tables():
+    """Removes the entries after the tests."""
+    before = [dict(table) for table in TABLES]
+    yield
+    for table, entries in zip(TABLES, before, strict=True):
+        table.clear()
+        table.update(entries)
+
+
+def ending(*_: Any) -> Any:
+    raise SystemExit(3)
+
+
+def failing(*_: Any) -> Any:
+    raise LookupError("mine")
+
+
+def one_shot(**arguments: Any) -> None:
+    """Plays a shot in an environment."""
+    env = make_env(**arguments)
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+
+
+def in_scene(build: Any) -> None:
+    register_scene(name := next(NAMES), NamedScene(build, 1, 15))
+    make_env(scene=name)
+
+
+def in_layout(make: Any) -> None:
+    register_layout(name := next(NAMES), make)
+    make_env(layout=name)
+
+
+def spots(*arguments: Any, **changes: Any) -> Any:
+    """Returns a layout from the arguments of `make_plan`, with changed fields of the plan."""
+    return lambda name, scene: make_plan(name, scene, *arguments)._replace(**changes)
+
+
+def in_action(converter: Any, size: Any = 2, is_choice: bool = False) -> None:
+    register_action(name := next(NAMES), Action("", size, converter, is_choice=is_choice))
+    one_shot(action=name)
+
+
+class Converter:
+    """A converter with given results."""
+
+    def __init__(self, velocities: Any, mask: Any = None, choices: Any = 0) -> None:
+        self.made, self.masks, self.choices = velocities, mask, choices
+
+    def velocities(self, actions: Any, tables: Any) -> Any:
+        return self.made(actions, tables) if callable(self.made) else self.made
+
+    def mask(self, tables: Any) -> Any:
+        return self.masks
+
+
+def velocities(*result: Any) -> Any:
+    return lambda scene, max_speed: Converter(*result)
+
+
+def mask(result: Any, choices: Any = 3) -> Any:
+    return functools.partial(in_action, velocities([[0.1, 0.0]], result, choices), is_choice=True)
+
+
+@entry_point
+def write_value(begin, end, observations, first, value):
+    for k in range(begin, end):
+        observations[k, first] = value
+
+
+def in_feature(reads: Any, shape: Any = ()) -> None:
+    register_feature(name := next(NAMES), Feature("", shape, 0.0, write_value, reads))
+    make_env(observe=["positions", name])
+
+
+@kernel
+def nothing(k, numbers, arrays):
+    pass
+
+
+@kernel
+def two_values(k, numbers, arrays):
+    return 1, False
+
+
+@kernel
+def text(k, numbers, arrays):
+    return "1", False, False
+
+
+def in_task(judge: Any) -> None:
+    register_task(name := next(NAMES), Task(judge, "random"))
+    make_env(task=name)
+
+
+@inlined
+def right(state, facts, call):
+    return verdict()
+
+
+@inlined
+def no_verdict(state, facts, call):
+    return 1
+
+
+@inlined
+def half_a_ball(state, player):
+    return 0.5
+
+
+def in_game(**fields: Any) -> None:
+    usual: dict[str, Any] = {"judge": right, "legal": any_ball, "scene": "pool", "layouts": ("random",), "page": ()}
+    game = Game(**{**usual, "n_object_balls": (1, 15), "won_by": "", **fields})
+    register_game(name := next(NAMES), game)
+    make_env(task=name, n_players=2, n_object_balls=1)
+
+
+def maker(make: Any) -> None:
+    register_player(name := next(NAMES), PlayerEntry(make))
+    find_player(name, make_env())
+
+
+def in_player(result: Any, *, game: bool = False) -> None:
+    """Plays the result of a player in an environment or in a game."""
+
+    def player(situation: Any, rng: Any) -> Any:
+        return result(situation, rng) if callable(result) else result
+
+    register_player(name := next(NAMES), PlayerEntry(lambda argument, where: player))
+    if game:
+        setup = Setup("straight", Scene.named("pool", 2))
+        state = opening(setup, RNG(0), "random")
+        play(setup, state, find_player(name, setup)(game_situation(setup, state, 8.0), RNG(0)))
+    else:
+        env = make_env()
+        observation, _ = env.reset(seed=0)
+        env.step(acting(find_player(name, env), env)(observation))
+
+
+ARGUMENTS = "= <function .*>: expected a function with {} argument"
+KERNELS = "= .*wrong_.*: expected kernels with the arguments and results"
+NUMBERS, TYPE = "expected finite numbers", "expected the type {}, not {}"
+ENDED = r"= SystemExit\(3\): expected a result"
+WRONG: list[tuple[Any, Any, str]] = [
+    (in_scene, lambda n: None, "^scene 'wrong_.*' = None: " + TYPE.format("Scene", "NoneType")),
+    (in_scene, lambda n: Scene.named("pool", n), "^n_balls of scene 'wrong_.*' = 3: expected 2"),
+    (in_scene, lambda: None, "^build of scene 'wrong_.*' " + ARGUMENTS.format(1)),
+    (in_scene, 3, "^build of scene 'wrong_.*' = 3: expected a function with 1 argument"),
+    (in_scene, ending, "^scene 'wrong_.*' " + ENDED),
+    (in_layout, lambda name, scene: SPOTS, "^layout 'wrong_.*' = array.*: " + TYPE.format("LayoutPlan", "ndarray")),
+    (in_layout, lambda name: None, "^layout 'wrong_.*' " + ARGUMENTS.format(2)),
+    (in_layout, ending, "^layout 'wrong_.*' " + ENDED),
+    (in_layout, spots((), SPOTS[:1]), r"^spots of layout 'wrong_.*' has shape \(1, 2\): expected \(2, 2\)"),
+    (in_layout, spots((), None), "^spots of layout 'wrong_.*' = None: " + NUMBERS),
+    (in_layout, spots((), [["a", "b"], ["c", "d"]]), "^spots of layout 'wrong_.*: " + NUMBERS),
+    (in_layout, spots((), SPOTS * 1j), "^spots of layout 'wrong_.*" + NUMBERS),
+    (in_layout, spots((), SPOTS * NAN), r"^layout 'wrong_.*': ball 0 is at \[nan, nan\]"),
+    (in_layout, spots((7,), SPOTS), "^drawn of layout 'wrong_.*' = 7: expected a whole number from 0 to 1"),
+    (in_layout, spots((1, 1), SPOTS), r"^order of layout 'wrong_.*' has shape \(3,\)"),
+    (in_layout, spots((1,), SPOTS, NAN), "^displacement of layout 'wrong_.*' = nan"),
+    (in_layout, spots((1,), SPOTS, 0.0, NAN), "^x_most of layout 'wrong_.*' = nan"),
+    (in_layout, spots((1,), SPOTS, spots=SPOTS[:1]), r"^spots of layout 'wrong_.*' has shape \(1, 2\)"),
+    (in_layout, spots((1,), SPOTS, order=np.array([0.0, 1.0])), "^order of layout .*: expected an array of int64"),
+    (
+        in_layout,
+        spots((1,), SPOTS, order=np.array([0, 9])),
+        "^order of layout .*: expected the balls of a scene with 2",
+    ),
+    (in_layout, spots((1,), SPOTS, corners=np.array([[0, 1, 9]])), "^corners of layout .*: expected the balls"),
+    (in_layout, spots((1,), SPOTS, midway=True), "^midway of layout 'wrong_.*' = True: expected the balls"),
+    (in_layout, spots((1,), SPOTS, n_spots=1.5), "^n_spots of layout 'wrong_.*' = 1.5: expected a whole number"),
+    (in_layout, spots((1,), SPOTS, shuffled=8), "^shuffled of layout 'wrong_.*' = 8: expected a whole number"),
+    (in_action, lambda scene: None, "^converter of action 'wrong_.*' " + ARGUMENTS.format(2)),
+    (in_action, ending, "^converter of action 'wrong_.*' " + ENDED),
+    (in_action, lambda scene, speed: None, "^converter of action 'wrong_.*' = None: expected a method 'velocities'"),
+    (in_action, velocities(None), "^velocities of action 'wrong_.*' = None: " + NUMBERS),
+    (in_action, velocities(0.5), r"^velocities of action 'wrong_.*' has shape \(\): expected \(1, 2\)"),
+    (in_action, velocities(SPOTS), r"^velocities of action 'wrong_.*' has shape \(2, 2\): expected \(1, 2\)"),
+    (in_action, velocities([["1", "0"]]), "^velocities of action 'wrong_.*: " + NUMBERS),
+    (in_action, velocities([[1j, 0]]), "^velocities of action 'wrong_.*: " + NUMBERS),
+    (in_action, velocities(np.array([[NAN, 0.0]])), "^velocities of action 'wrong_.*: " + NUMBERS),
+    (in_action, velocities(np.array([[np.inf, 0.0]])), "^velocities of action 'wrong_.*: " + NUMBERS),
+    (in_action, velocities(ending), "^velocities of action 'wrong_.*' " + ENDED),
+    (functools.partial(in_action, size=3), None, "^size of action 'wrong_.*' = 3: expected 2, or 5"),
+    (mask(None), ..., "^mask of action 'wrong_.*' = None: " + NUMBERS),
+    (mask([[1, 1]]), ..., r"^mask of action 'wrong_.*' has shape \(1, 2\): expected \(1, 3\)"),
+    (mask([[1, 7, 0]]), ..., "^mask of action 'wrong_.*: expected zeros and ones"),
+    (mask([[1]], 1.5), ..., "^choices of converter of action 'wrong_.*' = 1.5: expected a whole number"),
+    (in_feature, lambda source: None, "^reads of feature 'wrong_.*' = None: " + TYPE.format("tuple", "NoneType")),
+    (in_feature, lambda: (1.0,), "^reads of feature 'wrong_.*' " + ARGUMENTS.format(1)),
+    (in_feature, ending, "^reads of feature 'wrong_.*' " + ENDED),
+    (in_feature, lambda source: ("a",), "^observe " + KERNELS),
+    (in_feature, lambda source: (1j,), "^observe " + KERNELS),
+    (in_feature, lambda source: (1.0, 2.0), "^observe " + KERNELS),
+    (
+        functools.partial(in_feature, shape=("ball",)),
+        lambda source: (1.0,),
+        "^shape of feature .* = 'ball': expected one",
+    ),
+    (
+        functools.partial(in_feature, shape=(-1,)),
+        lambda source: (1.0,),
+        "^shape of feature 'wrong_.*' = -1: expected a",
+    ),
+    (in_task, None, "^judge of task 'wrong_.*' = None: expected a function with 3 arguments"),
+    (in_task, half_a_ball, "^judge of task 'wrong_.*' = .*: expected a function with 3 arguments"),
+    (in_task, nothing, "^task " + KERNELS),
+    (in_task, two_values, "^task " + KERNELS),
+    (in_task, text, "^task " + KERNELS),
+    (in_task, text.py_func, "^task " + KERNELS),
+    (lambda judge: in_game(judge=judge), half_a_ball, "^judge of game 'wrong_.*: expected a function with 3 arguments"),
+    (lambda judge: in_game(judge=judge), no_verdict, "^task " + KERNELS),
+    (lambda legal: in_game(legal=legal), half_a_ball, "^task " + KERNELS),
+    (lambda target: in_game(target=target), lambda n: "a", "^target of game 'wrong_.*' = 'a': expected a whole number"),
+    (lambda target: in_game(target=target), lambda: 3, "^target of game 'wrong_.*' " + ARGUMENTS.format(1)),
+    (lambda target: in_game(target=target), ending, "^target of game 'wrong_.*' " + ENDED),
+    (lambda balls: in_game(cue_balls=balls), (0, 9), "^cue_balls of game 'wrong_.*' = 9: expected a whole number"),
+    (maker, lambda argument, where: None, "^player = 'wrong_.*': expected a function that returns a player"),
+    (maker, lambda: None, "^make of player 'wrong_.*' " + ARGUMENTS.format(2)),
+    (maker, ending, "^player 'wrong_.*' " + ENDED),
+    (in_player, None, "^stroke of <function .*> = None: " + TYPE.format("Stroke", "NoneType")),
+    (in_player, ending, "^stroke of <function .*> " + ENDED),
+    (in_player, Stroke(None), "^stroke.velocity = None: expected two numbers"),
+    (in_player, Stroke((1.0, 2.0, 3.0)), r"^stroke.velocity = \(1.0, 2.0, 3.0\): expected two numbers"),
+    (in_player, Stroke("ab"), "^stroke.velocity = 'ab': expected two numbers"),
+    (in_player, Stroke((1j, 0.0)), r"^stroke.velocity\[0\] = 1j: expected a number, not complex"),
+    (in_player, Stroke((NAN, 0.0)), r"^stroke.velocity\[0\] = nan: expected a number from"),
+    (in_player, Stroke((1.0, 0.0), spin=(NAN, 0.0, 0.0)), r"^stroke.spin\[0\] = nan: expected a number from"),
+    (in_player, Stroke((1.0, 0.0), place=(0.0,)), r"^stroke.place = \(0.0,\): expected two numbers"),  # pyright: ignore
+    (in_player, Stroke((1.0, 0.0), call="x"), "^stroke.call = 'x': " + TYPE.format("Call", "str")),  # pyright: ignore
+    (functools.partial(in_player, game=True), None, "^stroke = None: " + TYPE.format("Stroke", "NoneType")),
+    (functools.partial(in_player, game=True), Stroke(None), "^stroke.velocity = None: expected two numbers"),
+]
+
+
+@pytest.mark.parametrize(("use", "wrong", "message"), WRONG)
+def test_a_wrong_result_is_an_error_that_names_the_entry(use, wrong, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        use() if wrong is ... else use(wrong)
+
+
+@pytest.mark.parametrize("use", [in_scene, in_layout, in_action, in_feature, maker, in_player])
+def test_errors_of_the_function_itself_pass(use):
+    with pytest.raises(LookupError, match="mine"):
+        use(failing)
