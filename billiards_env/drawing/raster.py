@@ -110,17 +110,17 @@ def paint_discs(begin, end, images, half_sides, discs):  # out: images
                         images[k, row, column, c] = int(below + share * (float(colour[c]) - below) + 0.5)
 
 
-def write_image(begin, end, images, background, layers):
-    """Writes images (m, height, width, c): the background, and layers of discs, each a kernel and its arguments."""
+def write_image(begin, end, images, background, half, layers):
+    """Writes images (m, height, width, c): the background, and layers of discs, see `paint_discs`."""
     images[begin:end] = background
-    for paint, arguments in layers:
-        paint(begin, end, images, *arguments)
+    for discs in layers:
+        paint_discs(begin, end, images, half, discs)
 
 
 def read_image(source: Source, height: int, width: int, planes: bool) -> tuple[Any, ...]:
-    """Returns the background and the layers of images in colours or in planes."""
+    """Returns the background, `half_sides` and the layers of images in colours or in planes."""
     scene, arrays, numbers = source.scene, source.arrays, source.numbers
-    goals, half = arrays.goals.shape[1], half_sides(scene.table)
+    goals = arrays.goals.shape[1]
     colours = class_colours(numbers.targets, goals) if planes else ball_colours(scene)
     empty = np.zeros((height, width, colours.shape[2]), np.uint8)
     background = empty if planes else empty_table(scene.table, height, width)
@@ -128,7 +128,7 @@ def read_image(source: Source, height: int, width: int, planes: bool) -> tuple[A
     always = np.ones((len(arrays.over), goals), np.bool_)
     goal = np.full(goals, numbers.goal_radius), arrays.goals, always, always, colours[-1:]
     balls = np.array(scene.balls.radius), arrays.positions, arrays.in_play, kinds, colours
-    return background, [(paint_discs, (half, discs)) for discs in (goal, balls)]
+    return background, half_sides(scene.table), (goal, balls)
 
 
 PIXELS = Feature(

@@ -18,7 +18,7 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
-from billiards_env.drawing.recording import recording_of
+from billiards_env.drawing.recording import Floats, recording_of
 from billiards_env.engine import ShotInput
 from billiards_env.envs.actions import cue_strike
 from billiards_env.envs.arguments import Model
@@ -67,7 +67,7 @@ def drawn_layout(episodes: Episodes, k: int) -> DrawnShot:
     return DrawnShot(shot, model.task, circles=_goal_circles(model, state.goals[k]))
 
 
-def drawn_shot(episodes: Episodes, k: int, reward: float, goals: NDArray[np.float64]) -> DrawnShot:
+def drawn_shot(episodes: Episodes, k: int, reward: float, goals: Floats) -> DrawnShot:
     """Returns the last shot of episode k for drawing. `goals` are those of the shot: a new episode may have begun."""
     shot, model, state = episodes.recorded[k], episodes.model, episodes.state
     number = model.max_shots - state.shots_left[k]
@@ -92,7 +92,7 @@ def _result_text(episodes: Episodes, k: int) -> str:
     return "   ".join(parts)
 
 
-def _goal_circles(model: Model, goals: NDArray[np.float64]) -> Circles:
+def _goal_circles(model: Model, goals: Floats) -> Circles:
     """Returns the circles in which the cue ball has to come to rest, for (g, 2) goals."""
     return [(x, y, model.goal_radius) for x, y in goals.tolist()]
 
@@ -125,11 +125,9 @@ class Renderer:
     def begin(self, episodes: Episodes) -> None:
         """Discards all steps and adds the balls at the start of episodes."""
         self._steps = []
-        self._add([drawn_layout(episodes, k) for k in range(self.n_shown)])
+        self._add(lambda k: drawn_layout(episodes, k))
 
-    def step(
-        self, episodes: Episodes, rewards: NDArray[np.float64], goals: NDArray[np.float64], begun: Sequence[bool]
-    ) -> None:
+    def step(self, episodes: Episodes, rewards: Floats, goals: Floats, begun: Sequence[bool]) -> None:
         """Adds the last step. In the mode "human" the window shows it immediately.
 
         Keys change the pace. The close button, Q and Escape close the window. Later steps then run without a window.
@@ -141,14 +139,10 @@ class Renderer:
             goals: (m, g, 2) the goals of the shots, m.
             begun: (m,) the episodes that began in this step, without a shot.
         """
-        self._add(
-            [
-                drawn_layout(episodes, k) if begun[k] else drawn_shot(episodes, k, rewards[k], goals[k])
-                for k in range(self.n_shown)
-            ]
-        )
+        self._add(lambda k: drawn_layout(episodes, k) if begun[k] else drawn_shot(episodes, k, rewards[k], goals[k]))
 
-    def _add(self, shots: Sequence[DrawnShot]) -> None:
+    def _add(self, drawn: Callable[[int], DrawnShot]) -> None:
+        shots = [drawn(k) for k in range(self.n_shown)]
         if self.render_mode != "rgb_array_list":
             self._steps = []
         self._steps.append(shots)
@@ -209,11 +203,10 @@ class Renderer:
             raise DependencyNotInstalled(f"render_mode = {self.render_mode!r}: {error}") from error
         if self._canvas is None:
             self._canvas = Canvas(self._scene, WIDTH)
-        films = []
-        for shot, left, right, circles in shots:
-            texts = left, right
-            films.append(self._canvas.film(recording_of(shot), FPS, *texts, only_last=only_last, circles=circles))
-        return films
+        return [
+            self._canvas.film(recording_of(shot), FPS, left, right, only_last=only_last, circles=circles)
+            for shot, left, right, circles in shots
+        ]
 
 
 class RecordVideo(gym.wrappers.RecordVideo):

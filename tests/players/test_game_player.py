@@ -9,7 +9,7 @@ import pytest
 
 from billiards_env.envs import make_env
 from billiards_env.games import GAMES, Call, Stroke, custom_opening, opening, play
-from billiards_env.players.named import GROUP, find_player
+from billiards_env.players.named import GROUP, PLAYERS, find_player
 from billiards_env.players.situation import game_situation
 from tests.helpers.errors import refusals
 from tests.helpers.games import hanging, setup
@@ -145,6 +145,14 @@ WRONG = [
     ("geometrc", "env", r"player = 'geometrc': .*or module:function \(did you mean 'geometric'\?\)"),
     ("search:0", "env", "player = 'search:0': expected 'search:K' with a whole number K >= 1"),
 ]
+
+
+@pytest.mark.usefixtures("module")
+def test_a_function_with_the_name_of_a_player_does_not_load_it(monkeypatch):
+    monkeypatch.setattr(sys.modules["mine"], "policy", sys.modules["mine"].own, raising=False)
+    monkeypatch.setitem(PLAYERS.data, "policy", "player = 'policy'")  # as at the start of a process
+    monkeypatch.setitem(sys.modules, "billiards_env.sb3.policy_player", None)
+    assert find_player("mine:policy:2.5", setup("straight"))
 
 
 @pytest.mark.usefixtures("module")
