@@ -174,7 +174,7 @@ def test_an_episode_of_several_shots_goes_on_from_a_shot_that_scores(monkeypatch
     assert not outcomes[1].states["fresh"].any()
 
 
-def test_the_return_of_a_shot_is_its_reward_and_the_value_of_the_position_after_it(monkeypatch):
+def test_the_return_of_a_shot_is_its_reward_and_the_value_after_it(monkeypatch):
     learner: Any = Learner(Config.from_dict({**TINY, "task": "Clear5-v0", "policy": {"arguments": {"hidden": 16}}}))
     learner.restart()
     monkeypatch.setattr(learner.policy, "predict_values", lambda seen: torch.full((len(seen), 1), 2.0))
