@@ -180,9 +180,7 @@ def seconds_per_shot(shots: int, passes: int) -> dict[tuple[str, Engine], list[f
 
 
 def rows_per_engine(
-    errors: Sequence[Sequence[float]],
-    seconds: dict[Engine, list[float]],
-    wrong: dict[Engine, dict[str, float | int]],
+    errors: Sequence[Sequence[float]], seconds: dict[Engine, list[float]], wrong: dict[Engine, dict[str, float | int]]
 ) -> list[dict[str, Any]]:
     """Returns the results of a problem, one row per engine, from the errors of each shot with each engine."""
     rows = []

@@ -37,9 +37,7 @@ def in_pooltool(gap: float) -> tuple[str, Callable[[dict[str, Any]], Any]]:
     from pooltool.evolution.continuous import interpolate_ball_states  # pyright: ignore[reportMissingImports]
     from pooltool.objects import BilliardTableSpecs, PocketTableSpecs  # pyright: ignore[reportMissingImports]
     from pooltool.physics.engine import PhysicsEngine  # pyright: ignore[reportMissingImports]
-    from pooltool.physics.resolve.ball_ball.frictionless_elastic import (  # pyright: ignore[reportMissingImports]
-        FrictionlessElastic,
-    )
+    from pooltool.physics.resolve.ball_ball.frictionless_elastic import FrictionlessElastic  # pyright: ignore[reportMissingImports]
     from pooltool.physics.resolve.ball_cushion.han_2005 import Han2005Linear  # pyright: ignore[reportMissingImports]
     from pooltool.physics.resolve.resolver import default_resolver  # pyright: ignore[reportMissingImports]
 
@@ -80,11 +78,7 @@ def in_pooltool(gap: float) -> tuple[str, Callable[[dict[str, Any]], Any]]:
             return {"seconds": seconds, "finished": False, "positions": None}
         time = system.t if time is None else min(time, system.t)
         places = [interpolate_ball_states(ball, [time])[0].rvw[0].tolist() for ball in balls.values()]
-        return {
-            "seconds": seconds,
-            "finished": finished,
-            "positions": [[y - half_x, half_y - x] for x, y, _ in places],
-        }
+        return {"seconds": seconds, "finished": finished, "positions": [[y - half_x, half_y - x] for x, y, _ in places]}
 
     return pt.__version__, run
 

@@ -227,10 +227,7 @@ def test_with_noise_the_shots_of_an_update_are_noisy(monkeypatch):
         ({"ppo": {"n_epochs": 2}}, "ppo = .*: expected no settings of PPO with learner = 'likelihood'"),
         ({"policy": {"head": "gaussian"}}, "policy.head = 'gaussian': expected 'aim' with learner = 'likelihood'"),
         ({"env": {"max_shots": 2}}, "env.max_shots = 2: expected 1 with learner = 'likelihood'"),
-        (
-            {"task": None, "env": {"task": "nine_ball", "n_players": 2}},
-            "env.n_players = 2: expected 1 with learner",
-        ),
+        ({"task": None, "env": {"task": "nine_ball", "n_players": 2}}, "env.n_players = 2: expected 1 with learner"),
         ({"likelihood": {"imitation": 1.5}}, "likelihood.imitation = 1.5: expected"),
     ],
 )

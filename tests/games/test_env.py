@@ -162,8 +162,7 @@ def test_pettingzoos_render_test():
         return billiards_v0.env(render_mode=render_mode, max_speed=0.02)
 
     render_test(
-        make,
-        {"rgb_array_list": lambda frames: all(frame.dtype == np.uint8 and frame.ndim == 3 for frame in frames)},
+        make, {"rgb_array_list": lambda frames: all(frame.dtype == np.uint8 and frame.ndim == 3 for frame in frames)}
     )
 
 

@@ -406,9 +406,7 @@ def test_each_cushion_of_a_scene_has_its_own_law():
         friction = "frictionless" if name in ("restitution", "han2005") else "frictional"
         table = with_corners(Table()) if name in ("stronge", "mathavan2010") else Table()
         scene = Scene(
-            Balls.uniform(3),
-            table,
-            Physics(cushion=name, ball_ball=friction, mu_cushion=2.0, e_cushion_topspin=0.1),
+            Balls.uniform(3), table, Physics(cushion=name, ball_ball=friction, mu_cushion=2.0, e_cushion_topspin=0.1)
         )
         shot = simulate(scene, [[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0]], [0.3, 1.5])
         assert shot.cushions[0] > 0
