@@ -56,7 +56,7 @@ AIM_PPO = {**{name: PPO_SETTINGS[name] for name in PPO_SETTINGS if name in _PPO}
 """`PPO_SETTINGS` as plain data."""
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(kw_only=True)
 class Config:
     """A training run.
 
@@ -108,7 +108,7 @@ class Config:
     def __post_init__(self) -> None:
         least = {"timesteps": 0, "seed": 0, "n_envs": 1, "checkpoint_every": 1, "evaluation_episodes": 1}
         for name, bound in least.items():  # Stable-Baselines3 limits the seed
-            self._set(name, integer(name, _as_integer(getattr(self, name)), Range(bound, 2**32 - 1)))
+            setattr(self, name, integer(name, _as_integer(getattr(self, name)), Range(bound, 2**32 - 1)))
         if self.task is not None:
             one_of("task", self.task, tuple(FROZEN))
         task = None if self.task is None else FROZEN[self.task]
@@ -120,20 +120,20 @@ class Config:
         for name, value in mappings.items():
             if not isinstance(value, Mapping):
                 raise ValueError(f"{name} = {short(value)}: expected a mapping")
-        self._set("env", _resolved(_numbers({**({} if task is None else task.arguments), **self.env})))
+        self.env = _resolved(_numbers({**({} if task is None else task.arguments), **self.env}))
         for name in noise or ():
             one_of("key of noise", name, tuple(EXECUTION_NOISE))
-        self._set("noise", None if noise is None else EXECUTION_NOISE | _numbers(noise))
+        self.noise = None if noise is None else EXECUTION_NOISE | _numbers(noise)
         head = self.policy.get("head", "aim")
         one_of("policy.head", head, tuple(_POLICY))
         for name in self.policy:
             one_of(f"key of policy ({head})", name, _POLICY[head])
         policy, ppo = (AIM_POLICY, AIM_PPO) if head == "aim" else (USUAL_POLICY, {})
-        self._set("policy", {"head": head, **policy, **_numbers(self.policy)})
+        self.policy = {"head": head, **policy, **_numbers(self.policy)}
         for name in self.ppo:
             one_of("key of ppo", name, _PPO)
         ppo = ppo if self.learner == "ppo" else {}
-        self._set("ppo", {**ppo, **_numbers(self.ppo)})
+        self.ppo = {**ppo, **_numbers(self.ppo)}
         one_of("learner", self.learner, LEARNERS)
         self._check_ppo()
         self._check_likelihood()
@@ -173,11 +173,8 @@ class Config:
             raise ValueError(f"likelihood.learning_rate = {short(rates)}: expected a pair of rates")
         for rate in rates:
             real("likelihood.learning_rate", rate, Range(0.0, 1.0))
-        self._set("likelihood", settings)
-        self._set("n_envs", settings["layouts"])
-
-    def _set(self, name: str, value: Any) -> None:
-        object.__setattr__(self, name, value)
+        self.likelihood = settings
+        self.n_envs = settings["layouts"]
 
     def to_dict(self) -> dict[str, Any]:
         """Returns the configuration as plain data: dicts, lists, strings and numbers."""

@@ -87,7 +87,7 @@ class Learner:
         policy: Any = make_policy(config)
         self.policy: AimPolicy = policy
         self.policy.set_training_mode(False)
-        self.policy.set_shots(-1)
+        self.policy.end_schedules()
         self.shots, self._config, self._settings = 0, config, config.likelihood
         self._has_goal, self._goes_on = config.env["goal_radius"] is not None, config.env["max_shots"] > 1
         if self._has_goal and not set(self.policy.observe) <= {"positions", "goal"}:

@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 from benchmarks import accuracy_report, error_limit, machine, run_command, run_kinds, workers
 from benchmarks.accuracy_report import blocks, draw
-from benchmarks.reference.oracle import OracleError, run
+from benchmarks.reference.oracle import OracleError, reference_shot
 from billiards_env.engine import PIC, Engine
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate, simulate_batch
@@ -94,7 +94,7 @@ def follow_shot(name: str, seed: int) -> dict[str, Any]:
     ruled = pic.events["time"][pic.events["rule"]]
     known_until = float(ruled[0]) if len(ruled) else np.inf
     try:
-        exact = run(scene, positions.tolist(), velocities.tolist())
+        exact = reference_shot(scene, positions.tolist(), velocities.tolist())
     except OracleError as stopped:
         exact = stopped.shot
         known_until = min(known_until, float(exact.time))

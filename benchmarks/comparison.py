@@ -27,7 +27,7 @@ import numpy as np
 from tqdm import tqdm
 
 from benchmarks import error_limit, machine, machine_line, metres, ratio, results_file, run_command, simulators, table
-from benchmarks.reference.oracle import OracleError, run
+from benchmarks.reference.oracle import OracleError, reference_shot
 from benchmarks.simulators import Floats, Outcome, Runner
 from benchmarks.speed import rounded
 from billiards_env.scene import Scene
@@ -105,7 +105,7 @@ def exact_positions(scene: Scene, positions: Floats, velocity: Floats, time: flo
     if events["rule"].any() or at_tip.any():
         return None
     try:
-        exact = run(scene, positions.tolist(), velocity.tolist(), max_time=time)
+        exact = reference_shot(scene, positions.tolist(), velocity.tolist(), max_time=time)
     except OracleError:
         return None
     return np.array(exact.positions, dtype=float)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import machine, new_figure, rows_table, run_command, run_kinds, save, workers
-from benchmarks.reference.oracle import OracleError, run
+from benchmarks.reference.oracle import OracleError, reference_shot
 from billiards_env.derivatives.shot_derivatives import UNIT_ROUNDOFF
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate
@@ -107,7 +107,7 @@ def compare(kind: str, seed: int) -> dict[str, float | bool | int]:
     condition = shot.sensitivity(until).condition
     limit = until if until < shot.time or scene.physics.max_time else None
     try:
-        exact = run(scene, places.tolist(), velocities.tolist(), max_time=limit)
+        exact = reference_shot(scene, places.tolist(), velocities.tolist(), max_time=limit)
     except OracleError as stopped:
         exact = stopped.shot
     ours = sorted(

@@ -104,7 +104,7 @@ class SceneShots(NamedTuple):
     positions: Floats
     velocities: Floats
 
-    def run(self, change: float | Floats = 0.0, engine: Engine = PIC, record: bool = False) -> BatchResult:
+    def batch(self, change: float | Floats = 0.0, engine: Engine = PIC, record: bool = False) -> BatchResult:
         """Runs the shots on one core, with the velocities changed by `change` m/s."""
         moving = self.velocities + change
         return simulate_batch(self.scene, self.positions, moving, engine=engine, record=record, threads=1)
@@ -148,7 +148,7 @@ def exact_derivatives(batch: BatchResult) -> Floats:
 def differences(shots: SceneShots, h: float, engine: Engine = PIC) -> Floats:
     """Returns central differences with a change of `h`, m/s, in each direction, shaped as `exact_derivatives`."""
     changes = h * np.eye(2)
-    ends = [shots.run(change, engine).positions - shots.run(-change, engine).positions for change in changes]
+    ends = [shots.batch(change, engine).positions - shots.batch(-change, engine).positions for change in changes]
     return np.stack(ends, axis=-1) / (2.0 * h)
 
 
@@ -165,13 +165,13 @@ def choose() -> dict[str, Any]:
         with contacts that the exact engine does not have, by fix and timestep.
     """
     shots = draw_shots()
-    exact = shots.run(record=True)
+    exact = shots.batch(record=True)
     size = sizes(exact_derivatives(exact))
     hit, smooth = exact.first_hit == 1, exact.nonsmooth().reason == ""
     smooth = np.flatnonzero(hit & smooth & (size > 0.0) & (size < MOST))
     part, same = shots.part(smooth), {}
     for name, engine in ENGINES.items():
-        same[name] = (outcomes(part.run(engine=engine)) == outcomes(exact)[smooth]).all(axis=1)
+        same[name] = (outcomes(part.batch(engine=engine)) == outcomes(exact)[smooth]).all(axis=1)
     return {
         "numbers": smooth[np.all(list(same.values()), axis=0)].tolist(),
         "smooth": len(smooth),
@@ -186,9 +186,9 @@ def errors_of(shots: SceneShots, engine: Engine) -> dict[str, float]:
         `position`, m: the largest distance of a ball's final position. `small` and `large`: the relative
         errors of the central differences with `SMALL` and `LARGE` (see `sizes`).
     """
-    exact = shots.run(record=True)
+    exact = shots.batch(record=True)
     derivatives = exact_derivatives(exact)
-    away = np.linalg.norm(shots.run(engine=engine).positions - exact.positions, axis=2)
+    away = np.linalg.norm(shots.batch(engine=engine).positions - exact.positions, axis=2)
     relative = {"position": away.max(axis=1)}
     for name, h in (("small", SMALL), ("large", LARGE)):
         relative[name] = sizes(differences(shots, h, engine) - derivatives) / sizes(derivatives)
@@ -285,10 +285,10 @@ def draw_reason(path: Path) -> None:
     titles = {60: "timestep 1/60 s", 240: "timestep 1/240 s: smaller jumps, the same slopes"}
     for (steps, title), axes in zip(titles.items(), panels, strict=True):
         for fix in ("push_apart", "time_of_impact"):
-            places = shots.run(engine=pit(steps, fix)).positions[:, 0, 0]
+            places = shots.batch(engine=pit(steps, fix)).positions[:, 0, 0]
             jumps = np.abs(np.diff(places, append=places[-1])) > 5.0 * (speeds[1] - speeds[0])
             axes.plot(speeds, np.where(jumps, np.nan, places), color=STYLES[fix]["color"], linewidth=2.2, label=fix)
-        axes.plot(speeds, shots.run().positions[:, 0, 0], "k:", linewidth=1.2, label="exact")
+        axes.plot(speeds, shots.batch().positions[:, 0, 0], "k:", linewidth=1.2, label="exact")
         axes.set_title(title, fontsize=11)
         axes.set(xlabel="speed at the start (m/s)", xticks=(1.4, 1.45, 1.5, 1.55, 1.6))
         axes.grid(alpha=0.3)

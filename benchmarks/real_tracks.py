@@ -22,8 +22,8 @@ from billiards_env.calibration import Calibration, Track, calibrate, read_tracks
 from billiards_env.calibration.cleaning import clean, noise_of
 from billiards_env.calibration.frame import Frame
 from billiards_env.calibration.judge import CONTACTS, Judged, judge, together
+from billiards_env.calibration.preparation import INSTANT, prepare
 from billiards_env.calibration.report import drawn
-from billiards_env.calibration.shot import INSTANT, prepare
 from billiards_env.calibration.starts import search
 from billiards_env.drawing.tracks import draw_fit
 from billiards_env.scene import Scene

@@ -129,7 +129,7 @@ def quartiles(values: Sequence[float] | Floats) -> dict[str, float]:
     return {"median": middle, "lower_quartile": low, "upper_quartile": high}
 
 
-def run(case: Case, threads: int = 1) -> BatchResult:
+def batch_of(case: Case, threads: int = 1) -> BatchResult:
     """Runs the shots of a case."""
     return simulate_batch(case.scene, case.positions, case.velocities, threads=threads)
 
@@ -143,12 +143,12 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
     """
     on = machine()
     all_cases = cases(scale)
-    outcomes = [run(case) for case in all_cases]  # compiles the kernels
+    outcomes = [batch_of(case) for case in all_cases]  # compiles the kernels
     for case, outcome in zip(all_cases, outcomes, strict=True):
         if (outcome.status == "event_limit").any():
             raise RuntimeError(f"{case.name}: a shot reached the event limit, so its time is not valid")
 
-    passes = [[(seconds(run, case), seconds(run, case, 2)) for case in all_cases] for _ in range(repeats)]
+    passes = [[(seconds(batch_of, case), seconds(batch_of, case, 2)) for case in all_cases] for _ in range(repeats)]
     calls = [time_calls(all_cases[0]) for _ in range(repeats)]
     rows = []
     for case, outcome, times in zip(all_cases, outcomes, np.moveaxis(np.array(passes), 0, 2), strict=True):
@@ -186,10 +186,12 @@ def time_gas(n: int, repeats: int) -> dict[str, float]:
     """
     gas = growing_gas(n, max(1, 4096 // n))
     at_once = gas._replace(scene=replace(gas.scene, physics=replace(gas.scene.physics, max_time=1e-9)))
-    run(at_once)  # compiles
+    batch_of(at_once)  # compiles
     passes, m = min(repeats, 1 + 40_000 * repeats // n), len(gas.positions)
-    to_end, begin = (1e6 * float(np.median([seconds(run, case) for _ in range(passes)])) / m for case in (gas, at_once))
-    events = float(run(gas).n_events.mean())
+    to_end, begin = (
+        1e6 * float(np.median([seconds(batch_of, case) for _ in range(passes)])) / m for case in (gas, at_once)
+    )
+    events = float(batch_of(gas).n_events.mean())
     return {"disks": n, "passes": passes, "events_per_shot": events, "us_per_shot": to_end, "us_to_begin": begin}
 
 
@@ -216,7 +218,7 @@ def time_calls(case: Case) -> dict[str, float]:
     both, unchecked = (of_each(lambda action, env=env: (env.reset(), env.step(action)), actions) for env in envs)
     reset = of_each(lambda _: envs[0].reset(), actions)
     return {
-        "simulate_batch": of_each(lambda case: run(case), [subset]),
+        "simulate_batch": of_each(batch_of, [subset]),
         "simulate": of_each(simulate, [subset.scene] * len(actions), subset.positions, subset.velocities),
         "env_step": both - reset,
         "env_reset": reset,

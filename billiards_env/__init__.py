@@ -1,15 +1,17 @@
 """Billiards for reinforcement learning: one action is one cue shot, run to rest by an exact event-driven engine.
 
-Importing the package registers `Billiards-v0` and the ids of `bench.frozen` with Gymnasium. The engine and numba are
+Importing the package registers `Billiards-v0` and the ids of the frozen tasks with Gymnasium. The engine and numba are
 imported on first use.
 """
 
 import importlib
+import importlib.util
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from billiards_env.bench import frozen
+from billiards_env import doors
 from billiards_env.scene import Scene
 from billiards_env.version import __version__
 
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
     from billiards_env.envs.observations import register_feature
     from billiards_env.envs.tasks import register_task
     from billiards_env.games.referee import register_game
-    from billiards_env.players.named import register_player
     from billiards_env.scene.layouts import register_layout
     from billiards_env.scene.scene import register_scene
     from billiards_env.shots.simulation import simulate, simulate_batch
@@ -49,8 +50,10 @@ gymnasium.register(
     entry_point="billiards_env.envs:make_env",
     vector_entry_point="billiards_env.envs:make_vector_env",
 )
-frozen.register(gymnasium.register)
+if doors.is_there("the frozen ids"):
+    doors.load("the frozen ids")(gymnasium.register)
 
+register_player: Callable[[str, Any], None]
 
 _MODULES = {
     "Engine": "engine.compile",
@@ -63,7 +66,6 @@ _MODULES = {
     "register_feature": "envs.observations",
     "register_game": "games.referee",
     "register_layout": "scene.layouts",
-    "register_player": "players.named",
     "register_scene": "scene.scene",
     "register_task": "envs.tasks",
 }
@@ -71,11 +73,11 @@ _MODULES = {
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("drawing", "envs", "games", "players", "shots"):
+    if name in _MODULES:
+        return getattr(importlib.import_module(f"billiards_env.{_MODULES[name]}"), name)
+    if importlib.util.find_spec(f"billiards_env.{name}") is not None:
         return importlib.import_module(f"billiards_env.{name}")
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"billiards_env.{_MODULES[name]}"), name)
+    return doors.attribute(__name__, name)
 
 
 def __dir__() -> list[str]:

@@ -331,7 +331,7 @@ def bench(args: argparse.Namespace) -> None:
 
     tasks, results = args.tasks.split(","), []
     try:
-        played = bench.play(
+        played = bench.play_tasks(
             args.player, tasks, args.seed, args.name, progress, args.noise_seed, part, finished=results.append
         )
     finally:  # also after an error or Ctrl-C
@@ -408,13 +408,15 @@ def replay(args: argparse.Namespace) -> None:
 def _show(scene: Scene, shots: Sequence[ShotResult]) -> None:
     """Shows shots in a window, one after the other."""
     from billiards_env.drawing.canvas import Canvas
+    from billiards_env.drawing.recording import recording_of
+    from billiards_env.drawing.rendering import WIDTH
     from billiards_env.drawing.window import Window
-    from billiards_env.envs.rendering import FPS, WIDTH
+    from billiards_env.envs.billiards import FPS
 
     canvas = Canvas(scene, WIDTH)
     window = Window(canvas.size, "Billiards")
     for k, shot in enumerate(shots, start=1):
-        window.play(canvas.film(shot.recording(), FPS, f"shot {k} of {len(shots)}"), FPS)
+        window.play(canvas.film(recording_of(shot), FPS, f"shot {k} of {len(shots)}"), FPS)
     window.close()
 
 

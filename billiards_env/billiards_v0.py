@@ -49,7 +49,7 @@ class GameEnv(pettingzoo.AECEnv[str, Any, NDArray[np.float32]]):
 
     Args:
         model: The arguments, see `make_model`.
-        render_mode: One of `rendering.RENDER_MODES`, or None.
+        render_mode: One of `envs.billiards.RENDER_MODES`, or None.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012  (an instance variable in AECEnv)

@@ -38,7 +38,7 @@ ENVIRONMENTS: tuple[dict[str, Any], ...] = (
 """The arguments of the environments whose machine code the wheel of `make dist` has."""
 
 
-def play(arguments: dict[str, Any]) -> list[Any]:
+def first_results(arguments: dict[str, Any]) -> list[Any]:
     """Returns the results of `step`, of two steps of 8 environments, and of `simulate`."""
     env: Any = gym.make("Billiards-v0", **arguments)
     envs = gym.make_vec("Billiards-v0", 8, **arguments)
@@ -59,7 +59,7 @@ def play(arguments: dict[str, Any]) -> list[Any]:
 
 def _environments(count: int | None) -> None:
     for arguments in ENVIRONMENTS[:count]:
-        play(arguments)
+        first_results(arguments)
 
 
 def _scene(name: str) -> None:

@@ -22,9 +22,10 @@ def _picture(shot: ShotResult, path: Path) -> None:
 
 def shot_text(shot: ShotResult) -> str:
     """Returns the final positions and the first `SHOWN` events of a recorded shot as text."""
+    from billiards_env.drawing.recording import recording_of
     from billiards_env.drawing.style import KINDS, cushion_names
 
-    recording = shot.recording()
+    recording = recording_of(shot)
     events, cushions = recording.events, cushion_names(recording.scene.table)
     places = (f"({x:.4f}, {y:.4f})" for x, y in shot.positions.tolist())
     ends = ("potted" if gone else place for gone, place in zip(shot.potted, places, strict=True))

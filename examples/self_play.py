@@ -16,9 +16,9 @@ from sb3_contrib import MaskablePPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 from billiards_env.envs import Opponents
-from billiards_env.envs.plans import Plans
 from billiards_env.players.env_player import acting_in
 from billiards_env.players.named import find_player
+from billiards_env.pots.plans import Plans
 from billiards_env.sb3 import SameStepVecEnv
 from billiards_env.shots.tables import Tables
 

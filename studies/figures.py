@@ -254,10 +254,10 @@ def main(arguments: list[str] | None = None) -> None:
     shown = window()
     frame = View(shown.setup.scene, WINDOW["width"]).draw(shown)
     save_image(Image.fromarray(pixels(frame)), args.folder / "play.png", octree=True)
-    velocity = shot.recording().trajectory.velocity[0]
+    velocity = shot.motion_at(0.0)[0]
     rough = simulate(scene, shot.at(0.0), velocity, engine=Engine("pit", 1 / 60), record=True)
     colours = panel.PAPER, panel.INK
-    write_film(args.folder / "shot.gif", ".gif", shot.recording(), 25, 640, rough.recording(), colours)
+    write_film(shot, args.folder / "shot.gif", ".gif", 25, 640, rough, colours)
     write_run_out(args.folder / "run_out.gif", next(filter(None, map(filmed_run_out, itertools.count()))))
     print(f"Written to {args.folder}.")
 

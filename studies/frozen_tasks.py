@@ -60,7 +60,7 @@ def measure(output: Path) -> dict[str, Any]:
 
 def scores_of(player: str, task: str) -> dict[str, float]:
     """Returns the mean success and the mean return of a player in the public layouts of a task."""
-    (result,) = bench.play(player, [task]).results
+    (result,) = bench.play_tasks(player, [task]).results
     return {"success": float(result.success.mean()), "return": float(result.returns.mean())}
 
 

@@ -1,4 +1,4 @@
-"""The tables of the documentation that need no measurement: of games, physics, actions, features and jump shots."""
+"""The tables of the documentation that need no measurement, such as those of games, scenes and features."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ import numpy as np
 
 from benchmarks import metres, table
 from billiards_env import Engine, Scene, simulate_batch, strike
+from billiards_env.engine.overlaps import TREATMENTS
 from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.observations import FEATURES
 from billiards_env.games import GAMES
 from billiards_env.games.referee import FAMILIES
-from billiards_env.scene import PARAMETERS, Physics
+from billiards_env.scene import NAMED, PARAMETERS, Physics
 from billiards_env.support.checks import RANGES
 
 
 def blocks(_: Mapping[str, Any]) -> dict[str, str]:
     """Returns the tables by name. They need no measurement."""
     rules = "\n\n".join(f"::: {family.__name__}" for family in FAMILIES)
-    tables = {"games": games(), "rules": rules, "physics": physics(), "actions": actions(), "features": features()}
-    return tables | {"bounces": bounces()}
+    made = (games, scenes, physics, fixes, actions, features, bounces)
+    return {"rules": rules, **{function.__name__: function() for function in made}}
 
 
 def games() -> str:
@@ -48,6 +49,18 @@ def physics() -> str:
     return table(("Field", "Default", "Range", "Meaning", "Source"), rows, left=5)
 
 
+def scenes() -> str:
+    """Returns the table of the named scenes."""
+    rows = [(f'`"{name}"`', f"{scene.usual} (up to {scene.most})", scene.summary) for name, scene in NAMED.items()]
+    return table(("Scene", "Object balls", "Description"), rows, left=3)
+
+
+def fixes() -> str:
+    """Returns the table of the treatments of overlaps. Only those that do not move balls back play flights."""
+    rows = [(f'`"{name}"`', fix.summary, "" if fix.goes_back else "yes") for name, fix in TREATMENTS.items()]
+    return table(("`fix`", "Effect", "Plays flights"), rows, left=3)
+
+
 def actions() -> str:
     """Returns the table of the actions."""
     rows = [(f"`{k}`", "()" if k == "plan" else f"({action.size})", action.summary) for k, action in ACTIONS.items()]
@@ -59,7 +72,7 @@ def features() -> str:
     rows = []
     for name, feature in FEATURES.items():
         least, *others = np.atleast_1d(feature.low)
-        values = f"{least:g} to {feature.high}" + (f", {others[0]:g} to 1" if others else "")
+        values = f"{least:g} to {255 if feature.is_image else 1}" + (f", {others[0]:g} to 1" if others else "")
         shape = f"({', '.join(map(str, feature.shape))})"
         rows.append((f"`{name}`", shape, values, feature.summary, feature.needs))
     return table(("Feature", "Shape", "Values", "Meaning", "Needs"), rows, left=5)

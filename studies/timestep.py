@@ -76,7 +76,7 @@ class Shots(NamedTuple):
     exact: Bools
 
 
-def play(policy: BasePolicy, world: str, layouts: int, seed: int) -> Shots:
+def play_layouts(policy: BasePolicy, world: str, layouts: int, seed: int) -> Shots:
     """Plays new layouts in the world of a policy and in the exact one, without exploration."""
     potted = []
     for played in (world, EXACT):
@@ -181,7 +181,7 @@ def run_world(world: str, seed: int, folder: Path, layouts: int) -> tuple[dict[s
     """
     config = config_of(world, seed)
     curve, files = trained(config, folder)
-    shots = play(load_policy(folder)[1], world, layouts, LAYOUT_SEED)
+    shots = play_layouts(load_policy(folder)[1], world, layouts, LAYOUT_SEED)
     scene, engine = Scene.named(config.env["scene"], 1), Engine(**{**WORLDS, **MOVE_BACK}[world])
     direct, pockets = direct_pots(shots.velocities, shots.positions, scene, engine)
     aimed = aims(shots.velocities[direct], shots.positions[direct], pockets[direct], scene, engine.dt or 0.0)

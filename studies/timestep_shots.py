@@ -15,7 +15,7 @@ from billiards_env.engine import Engine
 from billiards_env.sb3 import load_policy
 from billiards_env.scene import Scene
 from studies import live_shot
-from studies.timestep import LAYOUT_SEED, OUTPUT, WORLDS, direct_pots, play, policy_folder
+from studies.timestep import LAYOUT_SEED, OUTPUT, WORLDS, direct_pots, play_layouts, policy_folder
 from studies.timestep_report import EXACT, name_of
 
 SHOWN, DRAWN, COARSE = 6, 500, "1/60"
@@ -31,7 +31,8 @@ def measure() -> dict[str, Any]:
         OSError: If the policies of the first seed are not there.
     """
     played = {
-        world: play(load_policy(policy_folder(OUTPUT, world))[1], world, DRAWN, LAYOUT_SEED + 1) for world in WORLDS
+        world: play_layouts(load_policy(policy_folder(OUTPUT, world))[1], world, DRAWN, LAYOUT_SEED + 1)
+        for world in WORLDS
     }
     coarse = played[COARSE]
     telling = played[EXACT].exact & coarse.own & ~coarse.exact

@@ -58,7 +58,7 @@ MOTION = (
 GAME = "import billiards_env.billiards_v0 as v0; env = v0.raw_env('carom'); env.reset(0); env.step([0.1, 0.1])"
 LOADED = {  # programs, and what they do not load beside `HEAVY`
     "the registration": ("import billiards_env, gymnasium; gymnasium.spec('Billiards-v0')", "numba"),
-    "a shot": (SHOT.format(""), "drawing envs.action_frames envs.plans players"),
+    "a shot": (SHOT.format(""), "drawing envs.action_frames players pots"),
     "the motion in a shot": (MOTION, "drawing"),
     "an image": (SHOT.format("observe=[('pixels', 9, 9)]"), "drawing.canvas drawing.spheres drawing.window"),
     "a render mode": (SHOT.format("render_mode='rgb_array'"), "drawing.canvas"),

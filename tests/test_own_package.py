@@ -35,7 +35,7 @@ from tests.helpers.processes import run
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA, PAGE = ROOT / "tests" / "data", (ROOT / "docs" / "own_package.md").read_text(encoding="utf-8")
-TABLES: list[Any] = [TASKS, FEATURES, ACTIONS, layouts.LAYOUTS, scene._NAMED, GAMES, PLAYERS]
+TABLES: list[Any] = [TASKS, FEATURES, ACTIONS, layouts.LAYOUTS, scene.NAMED, GAMES, PLAYERS]
 ID = "billiards_env:Billiards-v0"
 OWN: dict[str, Any] = {
     "task": "my_billiards:cushion_first",
@@ -52,14 +52,14 @@ RNG = np.random.default_rng
 @pytest.fixture(scope="module", autouse=True)
 def path():
     """Lets Python find the package. Its entries are removed after the tests."""
-    before = [dict(table) for table in TABLES]
+    before = [{*table} for table in TABLES]
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(DATA)
         yield
     sys.modules.pop("my_billiards", None)
-    for table, entries in zip(TABLES, before, strict=True):
-        table.clear()
-        table.update(entries)
+    for table, names in zip(TABLES, before, strict=True):
+        for name in {*table} - names:
+            del table[name]
 
 
 def any_env(**arguments: Any) -> Any:

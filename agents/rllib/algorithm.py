@@ -112,7 +112,7 @@ class ArrayRunner(EnvRunner, Checkpointable):
         assert self.rollouts is not None
         if seed or not self.rollouts.seeded:
             self.rollouts.seed(steps)
-        return self.worker_index, *self.rollouts.play(as_tensors(weights))
+        return self.worker_index, *self.rollouts.collect(as_tensors(weights))
 
     def get_spaces(self) -> dict[str, Any]:
         """Returns the spaces of observations and actions, as `(observations, actions)`."""

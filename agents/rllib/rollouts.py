@@ -47,7 +47,7 @@ class Rollouts:
         restart(self.model, self.config, steps, self.first)
         self.seeded = True
 
-    def play(self, weights: dict[str, Tensor]) -> tuple[dict[str, NDArray[Any]], list[bool]]:
+    def collect(self, weights: dict[str, Tensor]) -> tuple[dict[str, NDArray[Any]], list[bool]]:
         """Plays the steps of an update with the weights of a policy.
 
         Returns:

@@ -36,7 +36,7 @@ print(time.time())
 """
 
 
-def run(*command: str | Path, cwd: Path | None = None, **environment: str) -> str:
+def output_of(*command: str | Path, cwd: Path | None = None, **environment: str) -> str:
     """Runs a command without the variables of Python, numba and this package, and returns its output.
 
     Raises:
@@ -64,9 +64,9 @@ def build(output: Path, folder: Path) -> tuple[Path, Path]:
     """
     built = folder / "built"
     command = sys.executable, "-m", "build", "--no-isolation", "--outdir", built, ROOT
-    run(*command, cwd=folder, BILLIARDS_ENV_BUILD="environments")
+    output_of(*command, cwd=folder, BILLIARDS_ENV_BUILD="environments")
     (archive,), (plain,) = built.glob("*.tar.gz"), built.glob("*.whl")
-    run(sys.executable, "-m", "wheel", "tags", "--remove", "--platform-tag", ".".join(platforms()), plain)
+    output_of(sys.executable, "-m", "wheel", "tags", "--remove", "--platform-tag", ".".join(platforms()), plain)
     (wheel,) = built.glob("*.whl")
     output.mkdir(parents=True, exist_ok=True)
     archive, wheel = (Path(shutil.copy(path, output)) for path in (archive, wheel))
@@ -77,7 +77,7 @@ def install(wheel: Path, folder: Path) -> Path:
     """Installs a wheel in a new virtual environment. Returns its Python."""
     venv.create(folder, with_pip=True)
     python = folder / "bin" / "python"
-    run(python, "-m", "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", wheel.resolve(), cwd=folder)
+    output_of(python, "-m", "pip", "install", "--quiet", "-c", ROOT / "constraints.txt", wheel.resolve(), cwd=folder)
     return python
 
 
@@ -91,7 +91,7 @@ def start(python: Path, folder: Path, balls: int, environment: dict[str, str]) -
         environment: Variables.
     """
     before, begin = sum(os.times()[2:4]), time()
-    end = float(run(python, "-c", FIRST_STEP.format(balls=balls), cwd=folder, **environment))
+    end = float(output_of(python, "-c", FIRST_STEP.format(balls=balls), cwd=folder, **environment))
     return end - begin, sum(os.times()[2:4]) - before
 
 
@@ -117,14 +117,14 @@ def try_wheel(wheel: Path, folder: Path, repeats: int) -> dict[str, tuple[float,
         times[f"{prefix}, first start with three balls"] = start(python, folder, 3, environment)
     before, begin = sum(os.times()[2:4]), time()
     install_code = compiled | {"NUMBA_CACHE_DIR": str(folder / "common")}
-    run(python, "-m", "billiards_env", "cache", "common", cwd=folder, **install_code)
+    output_of(python, "-m", "billiards_env", "cache", "common", cwd=folder, **install_code)
     times["the compilation in pip install ."] = time() - begin, sum(os.times()[2:4]) - before
-    run(python, "-m", "billiards_env", "web", "--out", folder / "play.html", cwd=folder, **shipped)
+    output_of(python, "-m", "billiards_env", "web", "--out", folder / "play.html", cwd=folder, **shipped)
     shots = python, ROOT / "benchmarks" / "release" / "shots.py"
-    results = run(*shots, cwd=folder, **shipped)
+    results = output_of(*shots, cwd=folder, **shipped)
     if list((folder / "none").rglob("*.nb[ci]")):
         raise RuntimeError(f"{wheel.name}: expected the machine code of all common environments")
-    if run(*shots, cwd=folder, **compiled) != results:
+    if output_of(*shots, cwd=folder, **compiled) != results:
         raise RuntimeError(f"{wheel.name}: expected the same results as newly compiled code")
     return times
 

@@ -16,7 +16,7 @@ from billiards_env import compiling
 
 def main() -> None:
     """Prints a hash of the results in each environment."""
-    made = [compiling.play(arguments) for arguments in compiling.ENVIRONMENTS]
+    made = [compiling.first_results(arguments) for arguments in compiling.ENVIRONMENTS]
     print(
         json.dumps(
             [

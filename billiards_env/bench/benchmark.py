@@ -83,7 +83,7 @@ class Bench(NamedTuple):
     results: tuple[Result, ...]
 
 
-def play(
+def play_tasks(
     player: str,
     tasks: Iterable[str],
     seeds: Iterable[int] = (SEED,),
@@ -168,7 +168,7 @@ def _play(player: str, task: str, seed: int, noise_seed: int | None, progress: C
         shots.append(len(played))
         progress(task, episode + 1)
     env.close()
-    return replay(task, seed, np.array(shots, np.uint8), np.array(actions), noise_seed)
+    return play_actions(task, seed, np.array(shots, np.uint8), np.array(actions), noise_seed)
 
 
 def _noise(noise_seed: int | None) -> dict[str, Any]:
@@ -176,7 +176,7 @@ def _noise(noise_seed: int | None) -> dict[str, Any]:
     return {} if noise_seed is None else {"noise_seed": noise_seed}
 
 
-def replay(
+def play_actions(
     task: str, seed: int, shots: NDArray[np.uint8], actions: NDArray[np.float32], noise_seed: int | None = None
 ) -> Result:
     """Plays actions again, all episodes together.
@@ -234,7 +234,9 @@ def fresh(bench: Bench, noise_seed: int) -> Bench:
         The results of these tasks; none if the file has no such task.
     """
     rows = [one for one in bench.results if FROZEN[one.task].noise and FROZEN[one.task].arguments["max_shots"] == 1]
-    return bench._replace(results=tuple(replay(one.task, one.seed, one.shots, one.actions, noise_seed) for one in rows))
+    return bench._replace(
+        results=tuple(play_actions(one.task, one.seed, one.shots, one.actions, noise_seed) for one in rows)
+    )
 
 
 def layouts_hash(task: str) -> str:
@@ -283,7 +285,7 @@ def verify(path: str | os.PathLike[str]) -> Bench:
     def checked(text: str) -> Bench:
         bench = from_json(text)
         for result in bench.results:
-            _compare(result, replay(result.task, result.seed, result.shots, result.actions, result.noise_seed))
+            _compare(result, play_actions(result.task, result.seed, result.shots, result.actions, result.noise_seed))
         return bench
 
     return records.read(path, checked, _WHAT)

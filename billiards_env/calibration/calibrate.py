@@ -20,8 +20,8 @@ from billiards_env.calibration.cleaning import clean, noise_of
 from billiards_env.calibration.fit import MANY, Fit, determined, values_of
 from billiards_env.calibration.frame import Frame, check_frame, fit_frame
 from billiards_env.calibration.judge import find_problems, judge
+from billiards_env.calibration.preparation import SPIN, VELOCITY, PreparedTrack, prepare
 from billiards_env.calibration.report import Calibration
-from billiards_env.calibration.shot import SPIN, VELOCITY, Shot, prepare
 from billiards_env.calibration.stages import ENOUGH, fit_stages, near_rows
 from billiards_env.calibration.starts import search
 from billiards_env.calibration.tracks import Floats, Track, check_tracks
@@ -137,7 +137,7 @@ def _free_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
     return names
 
 
-def _check_cue_balls(shots: Sequence[Shot], least: int) -> Iterator[str]:
+def _check_cue_balls(shots: Sequence[PreparedTrack], least: int) -> Iterator[str]:
     """Yields a sentence about each shot in which other balls begin to move with the cue ball.
 
     Raises:

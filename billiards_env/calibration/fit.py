@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.calibration.shot import Shot
+from billiards_env.calibration.preparation import PreparedTrack
 from billiards_env.calibration.starts import Normal, allowed, damped, errors, evaluate, settle
 from billiards_env.calibration.tracks import Floats
 from billiards_env.scene import PARAMETERS, Scene
@@ -48,7 +48,7 @@ class Fit(NamedTuple):
     scene: Scene
     names: tuple[str, ...]
     start: Scene
-    shots: list[Shot]
+    shots: list[PreparedTrack]
     kept: dict[str, str]
     covariance: Floats
     stages: tuple[dict[str, tuple[float, float]], ...] = ()

@@ -9,7 +9,7 @@ import numpy as np
 
 from billiards_env.calibration.cleaning import noise_of
 from billiards_env.calibration.contacts import CUSHION, Contact, find_contacts
-from billiards_env.calibration.shot import Shot
+from billiards_env.calibration.preparation import PreparedTrack
 from billiards_env.calibration.tracks import Floats, Ints, Track, first_balls, with_rest
 from billiards_env.scene import Scene
 
@@ -120,7 +120,7 @@ def fit_frame(scene: Scene, tracks: Sequence[Track], contacts: int) -> tuple[Fra
     return frame, give
 
 
-def check_frame(scene: Scene, shots: Sequence[Shot], noise: float) -> None:
+def check_frame(scene: Scene, shots: Sequence[PreparedTrack], noise: float) -> None:
     """Checks that the tracks of shots lie on the table, in metres and seconds.
 
     Raises:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.calibration.contacts import CUSHION, distinct
-from billiards_env.calibration.shot import Shot
+from billiards_env.calibration.preparation import PreparedTrack
 from billiards_env.calibration.starts import errors, model_contacts, search
 from billiards_env.calibration.tracks import Bools, Floats
 from billiards_env.scene import Scene
@@ -94,12 +94,12 @@ def together(parts: Sequence[Judged]) -> Judged:
     )
 
 
-def judge(scene: Scene, shots: Sequence[Shot]) -> Judged:
+def judge(scene: Scene, shots: Sequence[PreparedTrack]) -> Judged:
     """Fits the starts of shots until each contact with fixed constants, and returns the errors."""
     return together([_judge_shot(scene, shot) for shot in shots])
 
 
-def _judge_shot(scene: Scene, shot: Shot) -> Judged:
+def _judge_shot(scene: Scene, shot: PreparedTrack) -> Judged:
     distances = {}
     predicted = {}
     same = np.zeros(0, np.bool_)
@@ -129,7 +129,7 @@ def _of(statistic: Callable[[Any], Any], values: Floats | Bools) -> float:
     return float(statistic(values)) if values.size else np.nan
 
 
-def find_problems(scene: Scene, shot: Shot) -> Iterator[Problem]:
+def find_problems(scene: Scene, shot: PreparedTrack) -> Iterator[Problem]:
     """Yields the problems of a fitted shot."""
     name, times = shot.track.name, shot.track.times
     leave, last = shot.begin + shot.leaves[0], float(times.max())

@@ -16,10 +16,11 @@ from billiards_env.calibration.cleaning import clean
 from billiards_env.calibration.fit import bounds_of, half_widths
 from billiards_env.calibration.frame import Frame
 from billiards_env.calibration.judge import CONTACTS, Judged, Problem, judge
+from billiards_env.calibration.preparation import INSTANT, PLACES, SCALE, SPIN, VELOCITY, PreparedTrack, prepare
 from billiards_env.calibration.scatter import Scattered, estimate
-from billiards_env.calibration.shot import INSTANT, PLACES, SCALE, SPIN, VELOCITY, Shot, prepare
-from billiards_env.calibration.starts import errors, run, simulated
+from billiards_env.calibration.starts import errors, simulate_starts, simulated
 from billiards_env.calibration.tracks import Bools, Floats, Track, check_tracks
+from billiards_env.drawing.recording import Recording, recording_of
 from billiards_env.scene import PARAMETERS, Scene
 from billiards_env.shots.result import ShotResult
 from billiards_env.support.checks import RANGES, finite, one_of
@@ -27,8 +28,6 @@ from billiards_env.support.files import check_path, replacing, write_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from billiards_env.drawing.recording import Recording
 
 SUFFIXES = (".json", ".png", ".svg", ".pdf")
 """Suffixes of the files that `Calibration.save` writes."""
@@ -61,7 +60,7 @@ class Calibration:
     covariance: Floats
     row_noise: float
     frame: Frame
-    shots: list[Shot]
+    shots: list[PreparedTrack]
     problems: list[Problem]
     predicted: Judged | None
     warnings: list[str]
@@ -89,7 +88,7 @@ class Calibration:
 
     @property
     def starts(self) -> Floats:
-        """(m, 2 n + 6), the starts, see `calibration.shot`."""
+        """(m, 2 n + 6), the starts, see `calibration.preparation`."""
         return np.concatenate([shot.starts for shot in self.shots])
 
     @property
@@ -257,7 +256,7 @@ class Calibration:
                 self.plot().savefig(temporary)
 
 
-def drawn(scene: Scene, shot: Shot, ahead: float = 0.0) -> tuple[Track, Bools, Recording]:
+def drawn(scene: Scene, shot: PreparedTrack, ahead: float = 0.0) -> tuple[Track, Bools, Recording]:
     """Returns the rows of a shot until `ahead` s after the last fitted one, for `draw_fit`.
 
     Returns:
@@ -265,7 +264,7 @@ def drawn(scene: Scene, shot: Shot, ahead: float = 0.0) -> tuple[Track, Bools, R
     """
     seen = ~shot.added & (shot.time <= ahead + shot.time.max(initial=0.0, where=shot.used))
     track = shot.track._replace(times=shot.time - shot.starts[0, INSTANT]).rows(seen)
-    return track, shot.used[seen], run(scene, shot.starts, shot._replace(used=seen))[0].recording()
+    return track, shot.used[seen], recording_of(simulate_starts(scene, shot.starts, shot._replace(used=seen))[0])
 
 
 def _aligned(rows: Sequence[tuple[str, ...]]) -> list[str]:

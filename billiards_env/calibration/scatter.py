@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.calibration.shot import CAUCHY, INSTANT, Shot
+from billiards_env.calibration.preparation import CAUCHY, INSTANT, PreparedTrack
 from billiards_env.calibration.starts import linearised, simulated
 from billiards_env.calibration.tracks import Floats, Ints
 from billiards_env.scene import Scene
@@ -48,7 +48,7 @@ class Scattered(NamedTuple):
     contacts: int
 
 
-def estimate(scene: Scene, shots: Sequence[Shot], noise: float) -> Scattered | None:
+def estimate(scene: Scene, shots: Sequence[PreparedTrack], noise: float) -> Scattered | None:
     """Returns the scatter of the cushions in fitted shots, or None with fewer than `FEWEST` contacts.
 
     Args:
@@ -82,7 +82,7 @@ def _score(matrix: Floats, slope: Floats, deviations: Floats) -> Floats:
     return scores
 
 
-def _normal(scene: Scene, shot: Shot, noise: float) -> tuple[Floats, Floats]:
+def _normal(scene: Scene, shot: PreparedTrack, noise: float) -> tuple[Floats, Floats]:
     """Returns the normal equations of the changes at the c contacts of a shot, without what its start explains.
 
     Returns:

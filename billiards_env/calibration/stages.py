@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from billiards_env.calibration.fit import Fit, covariance, fit_shared, values_of
-from billiards_env.calibration.shot import Shot
+from billiards_env.calibration.preparation import PreparedTrack
 from billiards_env.calibration.starts import errors, search
 from billiards_env.calibration.tracks import Bools
 
@@ -31,7 +31,7 @@ def near_rows(fit: Fit, contact: int) -> Fit:
     return fit._replace(shots=shots)
 
 
-def leaves_at(shot: Shot, far: Bools) -> tuple[float, int]:
+def leaves_at(shot: PreparedTrack, far: Bools) -> tuple[float, int]:
     """Returns the time at which a track first leaves its path, s, and the ball; inf and -1 if none does.
 
     There, at least `_RUN` of `_OF` consecutive rows of a ball are far.

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.calibration.contacts import CUSHION, POCKET, Contact
-from billiards_env.calibration.shot import CAUCHY, INSTANT, PLACES, SPIN, VELOCITY, Shot
+from billiards_env.calibration.preparation import CAUCHY, INSTANT, PLACES, SPIN, VELOCITY, PreparedTrack
 from billiards_env.calibration.tracks import Bools, Floats, Ints
 from billiards_env.derivatives.shot_derivatives import Record, start_jacobians
 from billiards_env.engine.trajectory import Trajectory
@@ -57,7 +57,7 @@ class Normal(NamedTuple):
     matrix: Floats
 
 
-def run(scene: Scene, starts: Floats, shot: Shot) -> BatchResult:
+def simulate_starts(scene: Scene, starts: Floats, shot: PreparedTrack) -> BatchResult:
     """Simulates a shot from starts (g, width) until its last row that is used."""
     places = starts[:, PLACES].reshape(len(starts), -1, 2)
     velocities, spins = np.zeros_like(places), np.zeros((*places.shape[:2], 3))
@@ -74,12 +74,12 @@ def run(scene: Scene, starts: Floats, shot: Shot) -> BatchResult:
     )
 
 
-def simulated(scene: Scene, shot: Shot) -> ShotResult:
+def simulated(scene: Scene, shot: PreparedTrack) -> ShotResult:
     """Returns a shot from its start, recorded to its last row."""
-    return run(scene, shot.starts, shot._replace(used=np.ones_like(shot.used)))[0]
+    return simulate_starts(scene, shot.starts, shot._replace(used=np.ones_like(shot.used)))[0]
 
 
-def model_contacts(scene: Scene, shot: Shot, ball: int) -> Iterator[Contact]:
+def model_contacts(scene: Scene, shot: PreparedTrack, ball: int) -> Iterator[Contact]:
     """Yields the contacts of a ball in the model until the last row, in the order of time."""
     events: Any = simulated(scene, shot).events
     for event in events[np.isin(events["kind"], ("ball_ball", "cushion", "pocket"))]:
@@ -108,19 +108,19 @@ def _motion(record: Record, balls: Ints, times: Floats) -> tuple[Floats, Floats]
     return places, velocities
 
 
-def errors(scene: Scene, shot: Shot) -> Floats:
+def errors(scene: Scene, shot: PreparedTrack) -> Floats:
     """Returns the places of the model less those of all rows, (r, 2) m."""
     places = simulated(scene, shot).at(np.maximum(shot.time - shot.starts[0, INSTANT], 0.0))
     return places[np.arange(len(places)), shot.track.balls] - shot.track.positions
 
 
-def linearised(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = ()) -> tuple[Floats, Floats]:
+def linearised(scene: Scene, starts: Floats, shot: PreparedTrack, names: Sequence[str] = ()) -> tuple[Floats, Floats]:
     """Returns the errors of starts (g, width), and their derivatives by the starts and by constants of `Physics`.
 
     Returns:
-        (g, q) the errors of the q / 2 used rows over `Shot.scale`, and of the prior over `CAUCHY`; (g, q, width + s).
+        (g, q) the errors of the q / 2 used rows over the scale, and of the prior over `CAUCHY`; (g, q, width + s).
     """
-    record = run(scene, starts, shot)._record("evaluate")
+    record = simulate_starts(scene, starts, shot)._record("evaluate")
     width = starts.shape[1]
     balls, positions = shot.track.balls[shot.used], shot.track.positions[shot.used]
     times, frame = np.unique(np.append(0.0, shot.time[shot.used]), return_inverse=True)
@@ -146,7 +146,7 @@ def _by_number(rows: Floats) -> Floats:
     return rows.reshape(len(rows), -1, *rows.shape[3:])
 
 
-def evaluate(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = ()) -> Normal:
+def evaluate(scene: Scene, starts: Floats, shot: PreparedTrack, names: Sequence[str] = ()) -> Normal:
     """Returns the `Normal` of starts (g, width), with the derivatives by constants of `Physics` by name."""
     values, jacobian = linearised(scene, starts, shot, names)
     square = np.square(values)
@@ -156,7 +156,7 @@ def evaluate(scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = ()
     return Normal(loss, (pulled @ values[..., None])[..., 0], pulled @ jacobian)
 
 
-def allowed(scene: Scene, starts: Floats, shot: Shot) -> tuple[Floats, Bools]:
+def allowed(scene: Scene, starts: Floats, shot: PreparedTrack) -> tuple[Floats, Bools]:
     """Moves balls that overlap apart and balls that reach into a cushion out of it, and limits the other numbers.
 
     Returns:
@@ -206,7 +206,7 @@ def damped(matrix: Floats, slope: Floats, damping: Floats | float) -> Floats:
 
 
 def settle(
-    scene: Scene, starts: Floats, shot: Shot, names: Sequence[str] = (), most: int = _STEPS
+    scene: Scene, starts: Floats, shot: PreparedTrack, names: Sequence[str] = (), most: int = _STEPS
 ) -> tuple[Floats, Normal]:
     """Fits starts of a shot with fixed constants.
 
@@ -238,7 +238,7 @@ def settle(
     return starts, current
 
 
-def _axes(scene: Scene, shot: Shot, velocities: Floats) -> Floats:
+def _axes(scene: Scene, shot: PreparedTrack, velocities: Floats) -> Floats:
     """Returns the spins v / R about the axes of `SPINS`, (..., 3, 3), one in each row, at velocities (..., 2)."""
     x, y = np.moveaxis(velocities, -1, 0)
     zero, speed = np.zeros_like(x), np.maximum(np.hypot(x, y), 1e-6)
@@ -246,14 +246,14 @@ def _axes(scene: Scene, shot: Shot, velocities: Floats) -> Floats:
     return np.moveaxis(axes, (0, 1), (-2, -1))
 
 
-def _with_spins(scene: Scene, shot: Shot, starts: Floats, spins: Floats) -> Floats:
+def _with_spins(scene: Scene, shot: PreparedTrack, starts: Floats, spins: Floats) -> Floats:
     """Returns copies of starts (g, width) with other spins (g, 3), over v / R for the axes of `SPINS`."""
     starts = starts.copy()
     starts[:, SPIN] = (spins[:, None] @ _axes(scene, shot, starts[:, VELOCITY]))[:, 0]
     return starts
 
 
-def _guesses(scene: Scene, shot: Shot) -> Floats:
+def _guesses(scene: Scene, shot: PreparedTrack) -> Floats:
     """Returns the starts (g, width) of a shot, and their copies with other spins."""
     starts, most = shot.starts, 2.5 * scene.cue.miscue_offset
     spins = [(0.0, roll, side * most) for side in SIDES for roll in ROLLS]
@@ -261,7 +261,7 @@ def _guesses(scene: Scene, shot: Shot) -> Floats:
     return np.concatenate((starts, others))
 
 
-def _random(scene: Scene, shot: Shot, start: Floats, rng: np.random.Generator) -> Floats:
+def _random(scene: Scene, shot: PreparedTrack, start: Floats, rng: np.random.Generator) -> Floats:
     """Returns random starts (2 * _EACH, width) with directions and speeds near those of a start (1, width).
 
     The first half has spins near those of the start, the second half spins of the prior.
@@ -275,7 +275,7 @@ def _random(scene: Scene, shot: Shot, start: Floats, rng: np.random.Generator) -
     return _with_spins(scene, shot, others, spins.reshape(-1, 3))
 
 
-def _best(scene: Scene, starts: Floats, shot: Shot, halves: Sequence[tuple[int, int]]) -> tuple[Floats, float]:
+def _best(scene: Scene, starts: Floats, shot: PreparedTrack, halves: Sequence[tuple[int, int]]) -> tuple[Floats, float]:
     """Returns the start (1, width) of a shot whose fit is best, fitted, and its loss.
 
     Every few steps only the best fits continue (successive halving).
@@ -300,7 +300,7 @@ def _best(scene: Scene, starts: Floats, shot: Shot, halves: Sequence[tuple[int, 
     return start, float(current.loss[0])
 
 
-def search(scene: Scene, shot: Shot) -> Shot:
+def search(scene: Scene, shot: PreparedTrack) -> PreparedTrack:
     """Returns a shot with its best start.
 
     The loss has several minima: over the spin, because the ball may slip or stick at each of its contacts, and over the

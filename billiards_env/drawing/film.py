@@ -13,19 +13,20 @@ from typing import Any
 import numpy as np
 
 from billiards_env.drawing.canvas import Canvas, Frame, pixels
-from billiards_env.drawing.recording import Recording
+from billiards_env.drawing.recording import recordings_of
 from billiards_env.drawing.style import INK, PAPER
+from billiards_env.shots.result import ShotResult
 from billiards_env.support.checks import missing, real
 from billiards_env.support.files import check_path, replacing
 
 
 def write_film(
+    shot: ShotResult,
     path: str | os.PathLike[str],
     suffix: str,
-    recording: Recording,
     fps: float,
     width: int,
-    compare: Recording | None = None,
+    compare: ShotResult | None = None,
     around: Sequence[str] = (PAPER, INK),
 ) -> None:
     """Writes a shot as a film with frames of `width` pixels; `suffix` is ".gif" or ".mp4".
@@ -34,16 +35,18 @@ def write_film(
     GIF stores the time of a frame in whole hundredths of a second.
 
     Raises:
-        TypeError: If `fps` is not a number.
-        ValueError: If `fps` or `width` is outside its range, or the name of the file has another suffix.
+        TypeError: If `fps` is not a number, or `compare` is no shot.
+        ValueError: If a shot was not recorded, `fps` or `width` is outside its range, or the name of the file has
+            another suffix.
         OSError: If the file cannot be written.
     """
+    recording, other = recordings_of(shot, compare, f"to_{suffix[1:]}")
     target, fps = check_path(path, suffix), real("fps", fps, "fps")
     if suffix == ".gif":
         fps = 100 / max(2, round(100 / fps))  # viewers show shorter times slowly
     canvas = Canvas(recording.scene, width, *around)
-    left = recording.label if compare is None else f"{recording.label}; rings: {compare.label}"
-    film = functools.partial(canvas.film, recording, fps, left, compare=compare)
+    left = recording.label if other is None else f"{recording.label}; rings: {other.label}"
+    film = functools.partial(canvas.film, recording, fps, left, compare=other)
     colours = None
     if suffix == ".gif":
         (last,) = film(only_last=True)  # it has the most colours

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 
 from billiards_env.drawing import style
-from billiards_env.drawing.recording import Recording
+from billiards_env.drawing.recording import Recording, recording_of
 from billiards_env.engine.orientation import VISIBLE
 from billiards_env.physics.state import AIRBORNE, VZ, Z
 from billiards_env.scene import Scene
 from billiards_env.scene.table import Table
+from billiards_env.shots.result import ShotResult
 from billiards_env.support.files import check_path, replacing
 
 SIDE, CONTROLS, LIST, NARROW, LARGEST = 344, 172, 225, 760, 640
@@ -33,9 +34,13 @@ STYLE = {
 """The colours of all pictures, and the marks, the light and the shadow of the balls, by their names in `style`."""
 
 
-def write_page(path: str | os.PathLike[str], recording: Recording, title: str | None) -> None:
-    """Writes the page of `make_page` to a file."""
-    target = check_path(path, ".html")
+LONGEST_SHOWN = 20_000
+"""Largest number of pieces in the trajectory of a shot that a notebook displays: a few megabytes."""
+
+
+def write_page(shot: ShotResult, path: str | os.PathLike[str], title: str | None) -> None:
+    """Writes the page of `make_page` to a file, see `ShotResult.to_html`."""
+    recording, target = recording_of(shot, "to_html"), check_path(path, ".html")
     page = make_page(recording, title)
     with replacing(target) as temporary:
         temporary.write_text(page, encoding="utf-8")
@@ -85,8 +90,11 @@ def table_data(scene: Scene) -> dict[str, Any]:
     }
 
 
-def notebook_output(recording: Recording) -> str:
-    """Returns the page of `make_page` in an iframe whose height follows its width without a script."""
+def notebook_output(shot: ShotResult) -> str | None:
+    """Returns the page of a shot in an iframe whose height follows its width without a script; None if it is long."""
+    recording = recording_of(shot, "_repr_html_")
+    if len(recording.trajectory.ball) > LONGEST_SHOWN:
+        return None
     width, height, _ = _view(recording.scene.table)
     page, ratio = html.escape(make_page(recording)), height / width
     more = f"clamp(0px, ({NARROW}px - 100%) * 1000, {LIST}px)"  # the events are under the table of a narrow page

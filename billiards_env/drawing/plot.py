@@ -29,11 +29,12 @@ except ModuleNotFoundError as error:
     raise missing("matplotlib", "plot") from error
 
 from billiards_env.drawing import style
-from billiards_env.drawing.recording import LEAST_HOP, Floats, Recording, check_pair
+from billiards_env.drawing.recording import LEAST_HOP, Floats, Recording, check_pair, recordings_of
 from billiards_env.drawing.style import CHALK, CLOTH, INK, RAIL, Look, looks, rail_width
 from billiards_env.engine.orientation import VISIBLE, Turning
 from billiards_env.scene import Scene
 from billiards_env.scene.table import Table
+from billiards_env.shots.result import ShotResult
 
 MARKS = {
     "ball_ball": ("*", 11, "ball hits ball"),
@@ -64,16 +65,18 @@ WEAK = 0.02
 """m/s. Slower contacts have no mark, because balls that come to rest against each other touch about a hundred times."""
 
 
-def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording | None = None) -> Axes:
-    """Draws a shot in metres and returns the axes. Without `ax` it makes a figure with a legend.
+def draw_shot(shot: ShotResult, ax: Axes | None, compare: ShotResult | None) -> Axes:
+    """Draws a shot in metres and returns the axes, see `ShotResult.plot`. Without `ax` it makes a figure with a legend.
 
     Another run of the shot, `compare`, is drawn with dashed paths and rings.
 
     Raises:
-        ValueError: If `compare` has other balls or another table.
+        TypeError: If `compare` is no shot.
+        ValueError: If a shot was not recorded, or `compare` has other balls or another table.
     """
-    if compare is not None:
-        check_pair(recording, compare)
+    recording, other = recordings_of(shot, compare, "plot")
+    if other is not None:
+        check_pair(recording, other)
     figure = None
     if ax is None:
         from matplotlib import pyplot
@@ -89,11 +92,11 @@ def draw_shot(recording: Recording, ax: Axes | None = None, compare: Recording |
             figure.set_figheight(figure.get_figheight() * float(np.ptp(ax.get_ylim()) / height))
     fastest = max((recording.speeds(i, recording.corners(i)).max() for i in _in_play(recording)), default=0.0)
     turns = recording.turning(error=VISIBLE)
-    if compare is not None:
-        for i in _in_play(compare):
-            _draw_path(ax, compare, i, look[i])
-            if compare.gone[i] == np.inf:
-                end = compare.path(i, [compare.time])[0]
+    if other is not None:
+        for i in _in_play(other):
+            _draw_path(ax, other, i, look[i])
+            if other.gone[i] == np.inf:
+                end = other.path(i, [other.time])[0]
                 _disc(ax, end, scene.balls.radius[i], 5, fill=False, edgecolor=look[i].path, linewidth=1.6)
     spins = False
     for i in _in_play(recording):

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import functools
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.drawing.style import MARKING, RAIL_EDGE, draw_table, looks, rail_width
+from billiards_env.envs.observations import Feature, Source
 from billiards_env.jit import entry_point
 from billiards_env.physics.state import X, Y
 from billiards_env.scene import Scene
@@ -106,3 +108,43 @@ def paint_discs(begin, end, images, half_sides, discs):  # out: images
                     for c in range(images.shape[3]):
                         below = float(images[k, row, column, c])
                         images[k, row, column, c] = int(below + share * (float(colour[c]) - below) + 0.5)
+
+
+def write_image(begin, end, images, background, layers):
+    """Writes images (m, height, width, c): the background, and layers of discs, each a kernel and its arguments."""
+    images[begin:end] = background
+    for paint, arguments in layers:
+        paint(begin, end, images, *arguments)
+
+
+def read_image(source: Source, height: int, width: int, planes: bool) -> tuple[Any, ...]:
+    """Returns the background and the layers of images in colours or in planes."""
+    scene, arrays, numbers = source.scene, source.arrays, source.numbers
+    goals, half = arrays.goals.shape[1], half_sides(scene.table)
+    colours = class_colours(numbers.targets, goals) if planes else ball_colours(scene)
+    empty = np.zeros((height, width, colours.shape[2]), np.uint8)
+    background = empty if planes else empty_table(scene.table, height, width)
+    kinds = arrays.legal_balls if arrays.legal_balls.size else arrays.in_play  # all balls that are shown are in play
+    always = np.ones((len(arrays.over), goals), np.bool_)
+    goal = np.full(goals, numbers.goal_radius), arrays.goals, always, always, colours[-1:]
+    balls = np.array(scene.balls.radius), arrays.positions, arrays.in_play, kinds, colours
+    return background, [(paint_discs, (half, discs)) for discs in (goal, balls)]
+
+
+PIXELS = Feature(
+    'an image (red, green, blue) of the table, its balls and the goal: `("pixels", height, width)`',
+    ("height", "width", 3),
+    0.0,
+    write_image,
+    functools.partial(read_image, planes=False),
+    is_image=True,
+)
+PLANES = Feature(
+    "images of the cue ball, of the object balls to play, of the other ones and, in a task with a goal, of the "
+    'goal: `("planes", height, width)`',
+    ("height", "width", "planes"),
+    0.0,
+    write_image,
+    functools.partial(read_image, planes=True),
+    is_image=True,
+)

@@ -11,7 +11,8 @@ from billiards_env.engine.orientation import ERROR, Turning, turning
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.physics.state import AIRBORNE, T0, VZ
 from billiards_env.scene import Scene
-from billiards_env.support.checks import numbers
+from billiards_env.shots.result import ShotResult
+from billiards_env.support.checks import numbers, short
 
 Floats = NDArray[np.float64]
 
@@ -108,6 +109,28 @@ class Recording(NamedTuple):
         paths = self.trajectory
         pieces = paths.ball == ball
         return bool(self.gone[ball] > 0 and ((paths.velocity[pieces] != 0) & (paths.duration[pieces, None] > 0)).any())
+
+
+def recording_of(shot: ShotResult, method: str = "recording") -> Recording:
+    """Returns a shot as the `Recording` that all drawing functions use; `method` is the caller for the message.
+
+    Raises:
+        ValueError: If the shot was not recorded.
+    """
+    scene, paths, events = shot._recorded(method)
+    return Recording(scene, shot.time, shot.engine, paths, events, shot.cue)
+
+
+def recordings_of(shot: ShotResult, compare: ShotResult | None, method: str) -> tuple[Recording, Recording | None]:
+    """Returns a shot and another run of it, if there is one, as recordings; the arguments are as in `recording_of`.
+
+    Raises:
+        TypeError: If `compare` is no shot.
+        ValueError: If a shot was not recorded.
+    """
+    if not (compare is None or isinstance(compare, ShotResult)):
+        raise TypeError(f"compare = {short(compare)}: expected a ShotResult or None")
+    return recording_of(shot, method), None if compare is None else recording_of(compare, method)
 
 
 def check_pair(recording: Recording, other: Recording) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
-from billiards_env.engine.overlaps import FIXES
+from billiards_env.engine.overlaps import FIXES, TREATMENTS
 from billiards_env.physics.geometry.noses import nose_arrays
 from billiards_env.physics.geometry.outline_walls import outline_arrays
 from billiards_env.physics.laws.tables import BALL_LAWS, CUSHION_LAWS, CUSHIONS, FRICTIONS, RESTITUTIONS, choice
@@ -54,8 +54,8 @@ class Engine:
     Attributes:
         mode: "pic" (event-driven, exact) or "pit" (fixed timestep, see `engine.pit`).
         dt: Timestep of "pit", s. "pic" requires None.
-        fix: How "pit" treats overlaps (see `engine.overlaps`): "push_apart", "move_back", "none" or "time_of_impact".
-            None means "push_apart". "pic" requires None.
+        fix: How "pit" treats overlaps: a name in `engine.overlaps.TREATMENTS`. None means the first one. "pic"
+            requires None.
 
     Raises:
         ValueError: If `mode` is not an engine, or `dt` or `fix` is not valid for it.
@@ -190,8 +190,9 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
     p, table = scene.physics, scene.table
     for name, laws in (("motion", MOTIONS), ("cushion", CUSHIONS), ("ball_ball", BALL_LAWS)):
         one_of(f"physics.{name}", getattr(p, name), tuple(laws))  # `scene` may have names that have no law
-    if p.flight and engine.fix in ("move_back", "time_of_impact"):
-        raise ValueError(f"fix = {engine.fix!r} with physics.flight = True: expected 'push_apart' or 'none'")
+    if p.flight and engine.fix and TREATMENTS[engine.fix].goes_back:
+        allowed = " or ".join(repr(name) for name, fix in TREATMENTS.items() if not fix.goes_back)
+        raise ValueError(f"fix = {engine.fix!r} with physics.flight = True: expected {allowed}")
     numbers, law = _numbers(scene, engine, {}), BALL_LAWS[p.ball_ball]
     outline = None
     if table.outline:

@@ -21,14 +21,16 @@ m/2 (3/2 A tau)^2 to the energy, where m is the mass of the heavier ball.
 rule acts with A = g |n_z| and tau = sqrt(2 h / g), where n is the normal and h is `Numbers.least_hop`, unless A tau is
 smaller than with friction. So the ball slips down the body below it in hops lower than h, which last a few milliseconds
 with the default numbers. An impulse along a vertical normal would leave a ball on top of another one. So if the normal
-of a weak impact is nearer to the vertical than `LEAN`, the rule tilts it to `LEAN`. If the normal is exactly vertical,
-the upper ball falls towards the middle of the table, or along x if it is at the middle.
+of a weak impact is nearer to the vertical than `LEAN`, and the bodies hardly move past each other, the rule pushes them
+aside (see `push_aside`). The impulse itself acts along the true normal, so the bodies separate along the normal of
+which the next impact is predicted.
 
 **Other sequences.** If the intervals between impacts shrink because of masses or restitution, the speeds fall
 geometrically, and the impacts are computed one by one. The rule only ends a long run of impacts at one place and
 instant, as follows. After more than `JAMMED` weak impacts, a light ball between a heavy one and a fixed body is jammed
 (see `resolve_jam`), and a weak impact with a cushion is plastic. All balls of an impact come to rest if one of them has
 had more than `WEDGED` weak impacts or more than `longest_run` impacts of any speed, or if they are slower than `STILL`.
+If one of them is in the air, the impact is plastic instead, since gravity moves the ball on.
 A ball that a spinning ball wedges into a corner has such runs again and again until the spin ends, which may take
 minutes. So after `ENDLESS` weak impacts in a row, balls that are slower than a weak impact come to rest sooner.
 A finite sequence of two balls and a fixed body has fewer impacts than `longest_run`. An elastic ball that fits exactly
@@ -48,7 +50,7 @@ import numpy as np
 from billiards_env.jit import allocating, inlined, kernel
 from billiards_env.physics.ball_ball import change_velocity, exchange, exchange_pair, restitution_at
 from billiards_env.physics.ball_cushion import reflect, reflect_both
-from billiards_env.physics.clusters.impulses import UPWARDS, separation_speed, set_normal
+from billiards_env.physics.clusters.impulses import UPWARDS, separation_speed
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.noses import nose_normal
 from billiards_env.physics.geometry.walls import wall_pressing
@@ -98,8 +100,8 @@ def weak_speed(motion: int, slide: float, roll: float) -> float:
 
 
 LEAN = 1e-3
-"""The least horizontal part of the unit normal of a weak impact in space. A ball thus leaves the top of another one in
-less than 1 s."""
+"""The rule pushes a ball aside if the horizontal part of the unit normal is smaller than this. The speed of the push is
+this share of `Limits.speed`. A ball thus leaves the top of another one in less than 1 s."""
 
 
 class Memory(NamedTuple):
@@ -162,28 +164,70 @@ def limits_in_space(nz, numbers):
 
 
 @inlined
-def leaning(n, place):
-    """Returns the unit normal n from a ball at `place`, (x, y), tilted to a horizontal part of at least `LEAN`."""
-    nx, ny, nz = n
-    across = norm(nx, ny)
-    if across >= LEAN:
-        return n
-    if across == 0.0:
-        nx, ny = math.copysign(1.0, nz) * -place[0], math.copysign(1.0, nz) * -place[1]
-        across = norm(nx, ny)
-    if across == 0.0:
-        nx, across = 1.0, 1.0
-    return LEAN * (nx / across), LEAN * (ny / across), math.copysign(math.sqrt(1.0 - LEAN * LEAN), nz)
+def _push_at(n, wx, wy, speed):
+    """Returns the relative speed at which the rule pushes two bodies aside after a weak impact, m/s; 0 if it does not.
+
+    Args:
+        n: The unit normal.
+        wx: Horizontal velocity of one body relative to the other along x, m/s.
+        wy: The same along y.
+        speed: `Limits.speed`.
+    """
+    push = LEAN * speed
+    return push if norm(n[X], n[Y]) < LEAN and norm(wx, wy) < push else 0.0
 
 
 @inlined
-def _lean(flight, contacts, c, state):  # out: contacts
-    """Replaces the normal of contact c by the `leaning` one; `flight` is `SceneArrays.flight`."""
+def _ahead(n, place):
+    """Returns the horizontal unit vector along the unit normal n from a ball at `place`, (x, y).
+
+    If n is exactly vertical, the upper body moves towards the middle of the table, or along x if it is at the middle.
+    """
+    x, y, side = n[X], n[Y], math.copysign(1.0, n[UPWARDS])
+    if x == 0.0 and y == 0.0:
+        x, y = -side * place[X], -side * place[Y]
+    if x == 0.0 and y == 0.0:
+        x = side
+    return x / norm(x, y), y / norm(x, y)
+
+
+@inlined
+def push_aside(flight, count, contacts, state, scene):  # out: contacts, state
+    """Pushes the balls of weak impacts aside that are almost exactly above one another.
+
+    With PIT, impacts that are faster by the speed that a ball gains if it falls for two steps are also weak. The
+    function is called after the impulses of the impacts, and sets `Contacts.rebound` to zero. The result does not
+    depend on the order of the contacts, because each ball has at most one such contact above it, and one below.
+
+    Args:
+        flight: `SceneArrays.flight`.
+        count: Number of contacts.
+        contacts: The `Contacts`.
+        state: The `State`.
+        scene: The `SceneArrays`.
+
+    Returns:
+        The number of contacts at which it acts.
+    """
     if flight is None:
-        return
-    row, n = state.rows[contacts.first[c]], contacts.normal[c]
-    set_normal(contacts, c, leaning((n[X], n[Y], n[UPWARDS]), (row[X], row[Y])))
-    contacts.closing[c] = max(-separation_speed(contacts, c, state)[0], 0.0)
+        return 0
+    acts, numbers, rebound = 0, scene.numbers, contacts.rebound
+    for c in range(count):
+        n, speed = contacts.normal[c], limits_in_space(contacts.normal[c, UPWARDS], numbers).speed
+        a, b = state.rows[contacts.first[c]], state.rows[contacts.second[c]]
+        rebound[c] = 0.0
+        if contacts.closing[c] <= speed + 2.0 * numbers.g * numbers.dt:
+            rebound[c] = _push_at(n, b[VX] - a[VX], b[VY] - a[VY], speed)
+            acts += rebound[c] > 0.0
+    for upper in (False, True):
+        for c in range(count):
+            i, j, n = contacts.first[c], contacts.second[c], contacts.normal[c]
+            if rebound[c] > 0.0:
+                x, y = _ahead(n, state.rows[i])
+                ball, half = (i, -0.5 * rebound[c]) if upper == (n[UPWARDS] < 0.0) else (j, 0.5 * rebound[c])
+                change_velocity(state, ball, half * x, half * y, numbers)
+    rebound[:count] = 0.0
+    return acts
 
 
 @inlined
@@ -395,20 +439,15 @@ def hit_nose(i, wall, state, scene):  # out: state
     """
     row, numbers, radius = state.rows[i], scene.numbers, scene.radius[i]
     n = nose_normal(row, wall, scene.flight)
-    limits, speed = limits_in_space(n[2], numbers), _along(n, row)
+    limits, speed = limits_in_space(n[2], numbers), max(n[0] * row[VX] + n[1] * row[VY] + n[2] * row[VZ], 0.0)
     after, rebound = cushion_restitution(speed, numbers) * speed, 0.5 * limits.speed
     if speed > limits.speed or after >= rebound:
         bounce_in_air(row, n, speed + after, numbers.mu_cushion, radius)
         return speed, 0
-    n = leaning(n, (row[X], row[Y]))
-    bounce_in_air(row, n, _along(n, row) + rebound, numbers.mu_cushion, radius)
+    bounce_in_air(row, n, speed + rebound, numbers.mu_cushion, radius)
+    push, (x, y) = _push_at(n, row[VX], row[VY], limits.speed), _ahead(n, (row[X], row[Y]))
+    change_velocity(state, i, -push * x, -push * y, numbers)
     return speed, 1
-
-
-@inlined
-def _along(n, row):
-    """Returns the speed of a ball along the unit vector n, m/s, at least 0."""
-    return max(n[0] * row[VX] + n[1] * row[VY] + n[2] * row[VZ], 0.0)
 
 
 @kernel
@@ -436,6 +475,25 @@ def hit_corner(one, two, time, state, scene, memory):  # out: state, memory
     return 1 if reflect_both(state, i, (one.nx, one.ny), (two.nx, two.ny), rebounds, scene) else 0
 
 
+@inlined
+def _exact_closing(flight, contacts, c, state):
+    """Returns the speed of approach at contact c, m/s; in scenes with flight it is rounded only once."""
+    if flight is None:
+        return contacts.closing[c]
+    return max(-separation_speed(contacts, c, state)[0], 0.0)
+
+
+@inlined
+def _is_in_air(flight, count, contacts, state):
+    """Returns whether a ball of the first `count` contacts is in the air; `flight` is `SceneArrays.flight`."""
+    if flight is None:
+        return False
+    for c in range(count):
+        if state.phase[contacts.first[c]] == AIRBORNE or state.phase[contacts.second[c]] == AIRBORNE:
+            return True
+    return False
+
+
 @kernel
 def _collide_again(count, time, contacts, state, scene, scratch, memory):  # out: contacts, state, scratch, memory
     """Implements `collide` for impacts that are not one ordinary impact."""
@@ -453,17 +511,19 @@ def _collide_again(count, time, contacts, state, scene, scratch, memory):  # out
         over = over or is_over(i, j, state, numbers, memory)
         limits = limits_of(scene.flight, contacts, c, numbers)
         if closing[c] <= limits.speed:
-            _lean(scene.flight, contacts, c, state)
+            closing[c] = _exact_closing(scene.flight, contacts, c, state)
         towards = pressing(scene.flight, contacts, c, state, scene)
         contacts.rebound[c] = least_rebound(closing[c], towards, min(memory.weak[i], memory.weak[j]), limits, numbers)
-    if over:
+    if over and not _is_in_air(scene.flight, count, contacts, state):
         for c in range(count):
             halt(state, first[c])
             halt(state, second[c])
         return 1
     if count == 1 and resolve_jam(contacts, state, scene, memory):
         return 1
-    return exchange(restitution_at(count, contacts, scene), count, contacts, state, scene, scratch)
+    e = 0.0 if over else restitution_at(count, contacts, scene)
+    acts = exchange(e, count, contacts, state, scene, scratch)
+    return acts + push_aside(scene.flight, count, contacts, state, scene)
 
 
 @inlined

@@ -130,7 +130,7 @@ def _gather(k, scene, starts, state, contacts):  # out: contacts
 
 @allocating_entry_point
 def _drive(begin, end, ball, cue, scene, starts):  # out: starts
-    """Implements `strike_frozen` for the shots with a given cue ball; the restitution of the balls is -`LEFT`."""
+    """Replaces the starts of the shots in which the cue drives frozen balls, whose restitution is -`LEFT`."""
     cue, starts, arrays = CueNumbers(*cue), Starts(*starts), scene_of(scene, 0)
     n = len(arrays.radius)
     most = n * (n - 1) // 2

@@ -1,17 +1,10 @@
-"""What PIT does to the positions of bodies that overlap: the entries of `FIXES`.
+"""What PIT does to the positions of bodies that overlap: the table `TREATMENTS`.
 
-The paper of Warkari and Jamsandekar leaves open how an overlap is "fixed". There are four ways:
+The paper of Warkari and Jamsandekar leaves open how an overlap is "fixed". An entry of `TREATMENTS` describes and
+contains one way. With time_of_impact (Hu et al. 2020, DiffTaichi, section 4.2) a ball goes back in the phase that it
+has at the timestep, and a phase that ends in the rest of the step ends at the timestep.
 
-* push_apart (the default): the impulse acts along the line of centres of the overlapping balls. Then they are moved
-  apart along that line until they touch. The lighter ball moves further. A ball beyond a cushion is moved back to it.
-* move_back: before the impulse, the balls are moved back along their paths, by one step at most, to the positions at
-  which they touched. The line of centres is then right, but the balls lag by the time of the backward motion.
-* none: positions do not change. A ball that stops beyond a cushion stays there.
-* time_of_impact: move_back without the lag. The impulse changes the velocities at the time of impact, and the balls
-  then move with the new velocities for the rest of the step (Hu et al. 2020, DiffTaichi, section 4.2). A ball goes
-  back in the phase that it has at the timestep, and a phase that ends in the rest of the step ends at the timestep.
-
-A ball that has stopped beyond a cushion has no path along which it can go back. All fixes except none move it to the
+A ball that has stopped beyond a cushion has no path along which it can go back. All fixes that move balls put it at the
 nearest position at which it touches the cushion.
 """
 
@@ -51,8 +44,8 @@ class Bounce(NamedTuple):
     speed: float
 
 
-class Fix(NamedTuple):
-    """A treatment of overlaps, as kernels that move balls in `pit.PitWorkspace.here` and in `State.rows`.
+class FixKernels(NamedTuple):
+    """The kernels of a treatment of overlaps. They move balls in `pit.PitWorkspace.here` and in `State.rows`.
 
     Attributes:
         before: (count, scene, work) before the impacts of `count` overlapping pairs. Returns how many of them are left.
@@ -71,6 +64,20 @@ class Fix(NamedTuple):
     in_corner: Any
     after_cushion: Any
     at_rest: Any
+
+
+class Fix(NamedTuple):
+    """A treatment of overlaps.
+
+    Attributes:
+        summary: What happens to an overlap, for the documentation.
+        goes_back: Whether balls go back along their paths. A scene with flight has no such fix.
+        kernels: The kernels.
+    """
+
+    summary: str
+    goes_back: bool
+    kernels: FixKernels
 
 
 @inlined
@@ -298,16 +305,36 @@ def _push_along(i, wall, n, m, scene, work):  # out: work
 
 _touch_balls, _touch_cushion = _going_back(_step_back)
 _hit_balls, _hit_cushion = _going_back(_rewind)
-_FIXES = {
-    "push_apart": Fix(_keep_contacts, _push_apart, _push_inside, _push_along, _keep_motion, _bring_back),
-    "move_back": Fix(_touch_balls, _keep_positions, _touch_cushion, _keep_in_corner, _keep_motion, _bring_back),
-    "none": Fix(_keep_contacts, _keep_positions, _keep_place, _keep_in_corner, _keep_motion, _keep_positions),
-    "time_of_impact": Fix(_hit_balls, _finish_steps, _hit_cushion, _keep_in_corner, _finish_step, _bring_back),
+
+TREATMENTS = {
+    "push_apart": Fix(
+        "The impulse acts along the line of centres at the overlap. Then they are moved apart along this line until "
+        "they touch, the lighter ball further. A ball beyond a cushion is moved back to it",
+        False,
+        FixKernels(_keep_contacts, _push_apart, _push_inside, _push_along, _keep_motion, _bring_back),
+    ),
+    "move_back": Fix(
+        "Before the impulse the balls go back along their paths, by one step at most, to the positions at which they "
+        "touched. The line of centres is then right, but the balls lag by the time of the backward motion",
+        True,
+        FixKernels(_touch_balls, _keep_positions, _touch_cushion, _keep_in_corner, _keep_motion, _bring_back),
+    ),
+    "none": Fix(
+        "The positions do not change. A ball that stops beyond a cushion stays there",
+        False,
+        FixKernels(_keep_contacts, _keep_positions, _keep_place, _keep_in_corner, _keep_motion, _keep_positions),
+    ),
+    "time_of_impact": Fix(
+        "The balls go back as with `move_back`. After the impulse they move with the new velocities for the rest of "
+        "the step",
+        True,
+        FixKernels(_hit_balls, _finish_steps, _hit_cushion, _keep_in_corner, _finish_step, _bring_back),
+    ),
 }
+"""The treatments by name."""
 
-FIXES = tuple(_FIXES)
+FIXES = tuple(TREATMENTS)
 """The names of the treatments; the first is the default. `Numbers.fix` is an index into them."""
-
 
 KEEPS_PLACES = FIXES.index("none")
 """The index of the fix that moves no balls."""
@@ -330,6 +357,6 @@ def _choice(kernels: Sequence[Any]) -> Any:
 
 
 fix_before, fix_after, fix_at_cushion, fix_in_corner, fix_after_cushion, fix_at_rest = (
-    _choice(kernels) for kernels in zip(*_FIXES.values(), strict=True)
+    _choice(kernels) for kernels in zip(*(fix.kernels for fix in TREATMENTS.values()), strict=True)
 )
-"""The kernels of `Fix`, with the index of the treatment as an additional first argument."""
+"""The kernels of `FixKernels`, with the index of the treatment as an additional first argument."""

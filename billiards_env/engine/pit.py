@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from billiards_env.engine.contact_rule import push_aside
 from billiards_env.engine.log import (
     BALL_BALL,
     BALL_CUSHION,
@@ -240,7 +241,7 @@ def _overlap(flight, i, j, here, scene):
         return none, -1.0
     if flight is None:
         return _overlap_on_cloth(i, j, dx, dy, here)
-    return overlap_in_space(i, j, reach, here, scene)
+    return overlap_in_space(i, j, reach, here)
 
 
 @inlined
@@ -290,6 +291,7 @@ def _resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, sho
     count = fix_before(fix, count, scene, work)
     if count > 0:
         exchange(restitution_at(count, contacts, scene), count, contacts, state, scene, work.scratch)
+        push_aside(scene.flight, count, contacts, state, scene)
     if fix_after(fix, count, scene, work):
         shots.time[k] = now.hi  # the balls may be at rest already
     for c in range(count):

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 
-from billiards_env.engine.contact_rule import leaning, limits_in_space
 from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, LANDING, OFF_TABLE
 from billiards_env.engine.overlaps import KEEPS_PLACES, UP, UP_SPEED, fix_at_rest
 from billiards_env.engine.pic_events import resolve_in_air, speed_of_fall
@@ -40,28 +39,15 @@ def find_height(flight, i, t, numbers, work):  # out: work
 
 
 @inlined
-def overlap_in_space(i, j, reach, here, scene):
-    """Returns the unit normal from ball i to ball j and the speed of approach, m/s; -1 if they do not overlap.
-
-    At a weak impact the normal is tilted as in the contact-time rule. Here the limit of a weak impact is higher than
-    in the rule by the speed that a ball gains if it falls for two steps.
-    """
+def overlap_in_space(i, j, reach, here):
+    """Returns the unit normal from ball i to ball j and the speed of approach, m/s; -1 if they do not overlap."""
     dx, dy, dz = here[j, X] - here[i, X], here[j, Y] - here[i, Y], here[j, UP] - here[i, UP]
     w = here[j, VX] - here[i, VX], here[j, VY] - here[i, VY], here[j, UP_SPEED] - here[i, UP_SPEED]
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
     if distance >= reach:
         return (0.0, 0.0, 0.0), -1.0
     n = (dx / distance, dy / distance, dz / distance) if distance > 0.0 else (0.0, 0.0, 1.0)
-    closing, numbers = _closing(n, w), scene.numbers
-    if 0.0 <= closing <= limits_in_space(n[2], numbers).speed + 2.0 * numbers.g * numbers.dt:
-        n = leaning(n, (here[i, X], here[i, Y]))
-        closing = max(_closing(n, w), 0.0)
-    return n, closing
-
-
-@inlined
-def _closing(n, w):
-    return -(n[0] * w[0] + n[1] * w[1] + n[2] * w[2])
+    return n, -(n[0] * w[0] + n[1] * w[1] + n[2] * w[2])
 
 
 @inlined

@@ -134,7 +134,7 @@ def _is_apart(i, places, in_play, scene, cells):  # out: cells
 
 @inlined
 def _are_valid(begin, end, scene, starts, cells):  # out: cells
-    """Implements `is_valid_fast`. `cells` is a result of `empty_cells`, or None."""
+    """Returns whether all shots from `begin` to `end - 1` may start; `cells` is a result of `empty_cells`, or None."""
     positions, velocities, spins, in_play, _, _ = starts
     n = len(scene.radius)
     pairs = 0

@@ -1,7 +1,7 @@
 """Actions: converts the numbers of an action to the velocity and spin of the cue ball.
 
 `ACTIONS` is the table of the kinds of actions. A shot is played as a "velocity" or as a "strike"; the other kinds are
-converted to one of these by `envs.action_frames` and `envs.plans`, which are imported with their first use.
+converted to one of these by modules that are imported with their first use, such as `envs.action_frames`.
 
 The action "velocity" is the velocity of the cue ball along x and y, divided by `max_speed`. The action "strike" has
 five numbers that describe the motion of the cue:
@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_env.doors import Entries, offered
 from billiards_env.engine.shots import RISING
 from billiards_env.engine.strikes import Strike
 from billiards_env.jit import entry_point, inlined, kernel, streams
@@ -65,13 +66,7 @@ def _frame(name: str) -> Callable[[Scene, float], Any]:
     return converter
 
 
-def _plans(scene: Scene, max_speed: float) -> Any:
-    from billiards_env.envs.plans import Plans
-
-    return Plans(scene)
-
-
-ACTIONS = {
+ACTIONS: Entries[Action] = {
     "velocity": Action("velocity of the cue ball along x and along y, divided by `max_speed`", 2),
     "strike": Action("motion of the cue, 5 numbers", 5, has_cue=True),
     "cut": Action(
@@ -85,14 +80,8 @@ ACTIONS = {
         2,
         _frame("sum_to_three"),
     ),
-    "plan": Action(
-        "one whole number, which chooses an object ball, a pocket and one of 5 speeds; geometry computes the shot",
-        2,
-        _plans,
-        is_choice=True,
-    ),
-}
-"""The kinds of actions by name."""
+} | offered("action")
+"""The kinds of actions by name; attachments add whole numbers."""
 
 
 def register_action(name: str, action: Action) -> None:
@@ -105,7 +94,7 @@ def action_named(name: str) -> Action:
     return entry_of("action", name, ACTIONS)
 
 
-PLAYED = tuple(name for name, entry in ACTIONS.items() if entry.converter is None)
+PLAYED = "velocity", "strike"
 """The actions that are played as they are."""
 
 ONE_CUE_BALL = np.full(1, CUE_BALL, np.int64)

@@ -13,13 +13,13 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_env.doors import load
 from billiards_env.engine import Engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, model_of
 from billiards_env.envs.episodes import Episodes, SpareEpisodes, noise_stream
 from billiards_env.envs.goal_observations import compute_reward
 from billiards_env.envs.observations import decode
-from billiards_env.envs.rendering import FPS, FPS_OF_SHOTS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.snapshots import SPACES, EpisodeState, OfEpisodes, checked_state, copied
 from billiards_env.envs.trials import Outcomes, Trials
 from billiards_env.jit import streams
@@ -28,6 +28,13 @@ from billiards_env.support.checks import Range, finite, integer, one_of, short
 
 if TYPE_CHECKING:
     from billiards_env.games.playing import GameState, Stroke
+
+RENDER_MODES = ("human", "rgb_array", "rgb_array_list")
+FPS = 30
+"""Frames per second of a film of the moving balls."""
+
+FPS_OF_SHOTS = 1
+"""Frames per second of a video with one frame per shot, which the mode "rgb_array" gives."""
 
 _ONE = np.ones(1, np.bool_)
 
@@ -344,8 +351,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
       9, "physics": {"mu_roll": 0.012}}`. By default it is `"carom"` in `"carom"` and `"three_cushion"`,
       `"sum_to_three"` in the task of that name, `"jump_pool"` in `"jump"`, and `"pool"` in the others.
       `n_object_balls` needs a named scene.
-    - `Scene.named` lists the named scenes and their numbers of object balls, such as `"pool"`, `"carom"` and
-      `"real_pool"`, a pool table with throw and the jaws of the pockets.
+    - `billiards_env.scene.NAMED` is the table of the named scenes, such as `"pool"`, `"carom"` and `"real_pool"`.
     - The tasks `"pot"`, `"position"`, `"clear"`, `"jump"` and the run-outs need a table with pockets. `"jump"` needs 2
       object balls, `"nine_ball"` 9 and `"eight_ball"` 15. `"sum_to_three"` needs a table without pockets and exactly
       one object ball.
@@ -357,7 +363,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
       speed along the normal, as a share of it), "along_std" (of the speed along the cushion, as a share of the speed)
       and "spin_std" (of the spins times the radius, as a share of the speed) to numbers. Missing ones have the values
       of a real table, `shots.noise.SCATTER`.
-    - The values of `fix` are `"push_apart"` (the same as None), `"move_back"`, `"none"` and `"time_of_impact"`.
+    - `fix` is a name in `billiards_env.engine.overlaps.TREATMENTS`; None means the first, `"push_apart"`.
     - `"module:name"` names a task, a scene, a layout, a feature or an action that a package of yours registers.
     - An `EnvSpec` can be converted to JSON and back. The spec stores a `Scene` as a dict. All other arguments are JSON
       values. `billiards_env.support.checks.RANGES` contains the range of each number.
@@ -409,7 +415,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         self.action, self.max_speed = model.action, model.max_speed
         if render_mode == "rgb_array":
             self.metadata = {**self.metadata, "render_fps": FPS_OF_SHOTS}
-        self._renderer = None if render_mode is None else Renderer(self.scene, render_mode)
+        self._renderer = None if render_mode is None else load("render_mode")(self.scene, render_mode)
         self._own: Episodes | None = Episodes(1, model, 0 if self._renderer is None else 1)
         self._spare = SpareEpisodes(self._own)
         self.features = self._episodes.observer.features
@@ -487,7 +493,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         episodes.undo(checked_state(state, episodes.kind, self.model, 1).view(np.uint8))
         self._np_random, self._np_random_seed = None, -1
         if self._renderer is not None:
-            self._renderer.begin([drawn_layout(episodes, 0)])
+            self._renderer.begin(episodes)
 
     def try_actions(
         self, actions: ArrayLike, states: EpisodeState | None = None, noise: np.random.Generator | None = None
@@ -506,7 +512,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
             TypeError: As in `set_state`.
             ValueError: As in `set_state`, or if the actions have another shape or a number is not finite.
         """
-        return self._trials.play(actions, self.get_state()[None], states, noise, None)
+        return self._trials.try_actions(actions, self.get_state()[None], states, noise, None)
 
     @property
     def episode_scene(self) -> Scene:
@@ -606,7 +612,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
             streams.write(self._np_random, state.stream[0])
         state.begun[0] = True
         if self._renderer is not None:
-            self._renderer.begin([drawn_layout(episodes, 0)])
+            self._renderer.begin(episodes)
         return observation, episodes.single_info.at_start()
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
@@ -638,7 +644,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
         if episodes.shots.status.item() >= AT_EVENT_LIMIT:
             episodes.warn_cut_off(0, before)
         if self._renderer is not None:
-            self._renderer.step([drawn_shot(episodes, 0, reward.item(), episodes.state.goals[0])])
+            self._renderer.step(episodes, reward, episodes.state.goals, (False,))
         return observation, reward.item(), over.item(), False, episodes.single_info.after_shot()
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:

@@ -222,8 +222,8 @@ class Episodes:
         """Begins new episodes in the mask (m,), and writes all observations.
 
         Args:
-            begin: See the class.
-            end: See the class.
+            begin: The first episode.
+            end: The episode after the last one.
             mask: (m,) bool.
             observations: Out, memory from `Observer.new`.
             options: The parts of the starting states that are not drawn.
@@ -243,8 +243,8 @@ class Episodes:
         """Draws positions of the balls, then goals if the task has any, then the physics of the episodes if it varies.
 
         Args:
-            begin: See the class.
-            end: See the class.
+            begin: The first episode.
+            end: The episode after the last one.
             mask: (m,) bool, the episodes to draw for.
             options: What takes the place of the drawn positions, goals and numbers.
 
@@ -340,8 +340,8 @@ class Episodes:
         If the call is interrupted, the state is undefined: see `undo`.
 
         Args:
-            begin: See the class.
-            end: See the class.
+            begin: The first episode.
+            end: The episode after the last one.
             actions: (m, 2), (m, 5) or (m,), see `envs.actions`, finite. With noise it changes to those with noise.
             rewards: (m,) float64 out.
             observations: Out, memory from `Observer.new`.

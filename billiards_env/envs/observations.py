@@ -22,6 +22,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.doors import Entries, offered
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.goal_observations import ACHIEVED, DESIRED, achieved_writer, write_desired
@@ -235,8 +236,10 @@ def write_free_to_balls(begin, end, observations, first, positions, in_play, tou
         for i in range(1, positions.shape[1]):
             to_x, to_y = positions[k, i, X] - x, positions[k, i, Y] - y
             share = max(1.0 - touching[CUE_BALL, i] / max(norm(to_x, to_y), 1e-300), 0.0)  # of the way to the hit
-            is_free = _is_free(k, CUE_BALL, i, (x + share * to_x, y + share * to_y), positions, in_play, touching)
-            observations[k, first + i - 1] = 1.0 if is_free and in_play[k, i] else 0.0
+            is_clear = _is_clear_path(
+                k, CUE_BALL, i, (x + share * to_x, y + share * to_y), positions, in_play, touching
+            )
+            observations[k, first + i - 1] = 1.0 if is_clear and in_play[k, i] else 0.0
 
 
 @entry_point
@@ -245,12 +248,12 @@ def write_free_to_pockets(begin, end, observations, first, positions, in_play, p
     for k in range(begin, end):
         for i in range(1, positions.shape[1]):
             for p in range(len(pockets)):
-                is_free = _is_free(k, i, i, (pockets[p, X], pockets[p, Y]), positions, in_play, touching)
-                observations[k, first + (i - 1) * len(pockets) + p] = 1.0 if is_free else 0.0
+                is_clear = _is_clear_path(k, i, i, (pockets[p, X], pockets[p, Y]), positions, in_play, touching)
+                observations[k, first + (i - 1) * len(pockets) + p] = 1.0 if is_clear else 0.0
 
 
 @inlined
-def _is_free(k, i, target, end, positions, in_play, touching):
+def _is_clear_path(k, i, target, end, positions, in_play, touching):
     """Returns whether ball i is on the table and touches no ball but `target` on the straight line to a point."""
     x, y = positions[k, i, X], positions[k, i, Y]
     for j in range(positions.shape[1]):
@@ -259,29 +262,6 @@ def _is_free(k, i, target, end, positions, in_play, touching):
             if distance < touching[i, j] - _LEEWAY:
                 return False
     return in_play[k, i]
-
-
-def write_image(begin, end, images, background, layers):
-    """Writes images (m, height, width, c): the background, and layers of discs, each a kernel and its arguments."""
-    images[begin:end] = background
-    for paint, arguments in layers:
-        paint(begin, end, images, *arguments)
-
-
-def read_image(source: Source, height: int, width: int, planes: bool) -> tuple[Any, ...]:
-    """Returns the background and the layers of images in colours or in planes. Only they import the rasteriser."""
-    from billiards_env.drawing import raster
-
-    scene, arrays, numbers = source.scene, source.arrays, source.numbers
-    goals, half = arrays.goals.shape[1], raster.half_sides(scene.table)
-    colours = raster.class_colours(numbers.targets, goals) if planes else raster.ball_colours(scene)
-    empty = np.zeros((height, width, colours.shape[2]), np.uint8)
-    background = empty if planes else raster.empty_table(scene.table, height, width)
-    kinds = arrays.legal_balls if arrays.legal_balls.size else arrays.in_play  # all balls that are shown are in play
-    always = np.ones((len(arrays.over), goals), np.bool_)
-    goal = np.full(goals, numbers.goal_radius), arrays.goals, always, always, colours[-1:]
-    balls = np.array(scene.balls.radius), arrays.positions, arrays.in_play, kinds, colours
-    return background, [(raster.paint_discs, (half, discs)) for discs in (goal, balls)]
 
 
 class Feature(NamedTuple):
@@ -296,7 +276,7 @@ class Feature(NamedTuple):
             `(begin, end, images, *reads)`.
         reads: Returns the other arguments of `write`; for an image also from its height and width.
         needs: What the environment must have, so that no size is 0; empty for nothing.
-        high: The largest value; 255 for an image.
+        is_image: Whether it is an image of bytes, up to 255. The largest value of the others is 1.
     """
 
     summary: str
@@ -305,10 +285,10 @@ class Feature(NamedTuple):
     write: Callable[..., None]
     reads: Callable[..., tuple[Any, ...]]
     needs: str = ""
-    high: int = 1
+    is_image: bool = False
 
 
-FEATURES = {
+FEATURES: Entries[Feature] = {
     "positions": Feature(
         "x and y of each ball, divided by half the length and half the width of the table",
         ("balls", 2),
@@ -450,25 +430,8 @@ FEATURES = {
         ),
         "n_players > 1, a game that is won by points",
     ),
-    "pixels": Feature(
-        'an image (red, green, blue) of the table, its balls and the goal: `("pixels", height, width)`',
-        ("height", "width", 3),
-        0.0,
-        write_image,
-        lambda source, height, width: read_image(source, height, width, planes=False),
-        high=255,
-    ),
-    "planes": Feature(
-        "images of the cue ball, of the object balls to play, of the other ones and, in a task with a goal, of the "
-        'goal: `("planes", height, width)`',
-        ("height", "width", "planes"),
-        0.0,
-        write_image,
-        lambda source, height, width: read_image(source, height, width, planes=True),
-        high=255,
-    ),
-}
-"""The features by name."""
+} | offered("observe")
+"""The features by name; attachments add images."""
 
 
 def register_feature(name: str, feature: Feature) -> None:
@@ -519,8 +482,8 @@ class Observer:
         for entry in names:
             name, *sides = cast(Any, entry if isinstance(entry, tuple) and entry else (entry,))
             name = key_of("observe", name, FEATURES)
-            if len(sides) != (2 if is_image(name) else 0):
-                right = (name, "height", "width") if is_image(name) else name
+            if len(sides) != (2 if FEATURES[name].is_image else 0):
+                right = (name, "height", "width") if FEATURES[name].is_image else name
                 raise ValueError(f"observe = {short(entry)}: expected {right!r}")
             for side, size in zip(("height", "width"), sides, strict=False):
                 sizes[side] = integer(f"{side} of {name!r} in observe", size, SIDES)
@@ -536,8 +499,8 @@ class Observer:
             low = np.concatenate(lows).astype(np.float32)
             spaces[ROW] = gym.spaces.Box(low, np.ones_like(low), dtype=np.float32)
         for name, shape in self.features.items():
-            if is_image(name):
-                spaces[name] = gym.spaces.Box(0, FEATURES[name].high, shape, np.uint8)
+            if FEATURES[name].is_image:
+                spaces[name] = gym.spaces.Box(0, 255, shape, np.uint8)
         if self._has_goal:
             most = np.array([*source.half_extents, 1.0])
             spaces |= {key: gym.spaces.Box(-most, most, dtype=np.float64) for key in (ACHIEVED, DESIRED)}
@@ -556,7 +519,7 @@ class Observer:
         first, self._writers = 0, []  # a key of the observation, a writer and its arguments after `observations`
         for name, shape in self.features.items():
             entry = FEATURES[name]
-            if is_image(name):
+            if FEATURES[name].is_image:
                 self._writers.append((name, self._write[name], entry.reads(self._source, *shape[:2])))
             else:
                 self._writers.append((ROW, self._write[name], (first, *entry.reads(self._source))))
@@ -594,14 +557,9 @@ class Observer:
             write.call(begin, end, observations[key] if self._is_dict else observations, *arguments)
 
 
-def is_image(name: str) -> bool:
-    """Returns whether a feature is an image."""
-    return FEATURES[name].high == 255
-
-
 def row_of(features: Mapping[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]]:
     """Returns the features that are not images."""
-    return {name: shape for name, shape in features.items() if not is_image(name)}
+    return {name: shape for name, shape in features.items() if not FEATURES[name].is_image}
 
 
 def nth(observations: Any, k: int) -> Any:

@@ -63,7 +63,7 @@ class Trials:
     def __deepcopy__(self, memo: dict[int, Any]) -> Trials:
         return self  # copies can share it, because it plays one call after the other
 
-    def play(
+    def try_actions(
         self,
         actions: ArrayLike,
         own: EpisodeState,

@@ -14,14 +14,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
+from billiards_env.doors import load
 from billiards_env.engine import parallel_for
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, model_of
-from billiards_env.envs.billiards import BilliardsEnv
+from billiards_env.envs.billiards import FPS, RENDER_MODES, BilliardsEnv
 from billiards_env.envs.episodes import Episodes, noise_key, noise_stream
 from billiards_env.envs.info import copied_info, masked_info, with_starts
 from billiards_env.envs.observations import nth
-from billiards_env.envs.rendering import FPS, RENDER_MODES, Renderer, drawn_layout, drawn_shot
 from billiards_env.envs.snapshots import SPACES, EpisodeState, OfEpisodes, checked_state, copied
 from billiards_env.envs.trials import Outcomes, Trials
 from billiards_env.jit import streams
@@ -131,7 +131,7 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
     num_envs: int = fixed()
     autoreset_mode: AutoresetMode = fixed()
     single_env: BilliardsEnv = fixed()
-    _renderer: Renderer | None = None  # Gymnasium closes an environment even if its construction failed
+    _renderer: Any = None  # Gymnasium closes an environment even if its construction failed
 
     def __init__(
         self,
@@ -150,7 +150,7 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
         self.threads = None if threads is None else integer("threads", threads, "threads")
         self.single_env = env = BilliardsEnv(model, render_mode)
         self.render_mode = render_mode
-        self._renderer = None if render_mode is None else Renderer(model.scene, render_mode, self.num_envs)
+        self._renderer = None if render_mode is None else load("render_mode")(model.scene, render_mode, self.num_envs)
         self.metadata = {**BilliardsVectorEnv.metadata, **env.metadata, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space = env.observation_space
         self.single_action_space = env.action_space
@@ -226,7 +226,7 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
             TypeError: As in `set_state`.
             ValueError: As in `set_state`, or if the actions have another shape or a number is not finite.
         """
-        return self._trials.play(actions, self.get_state(), states, noise, self.threads)
+        return self._trials.try_actions(actions, self.get_state(), states, noise, self.threads)
 
     def _rows(self, rows: Any) -> NDArray[np.int64] | None:
         """Returns the numbers of environments after a check, None for all."""
@@ -240,7 +240,7 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
     def _draw_layouts(self) -> None:
         """Draws the balls of the environments that are shown, without their shots."""
         if self._renderer is not None:
-            self._renderer.begin([drawn_layout(self._episodes, k) for k in range(self._n_shown)])
+            self._renderer.begin(self._episodes)
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -416,12 +416,7 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
             episodes.undo(memory)
             raise
         if self._renderer is not None:
-            self._renderer.step(
-                [
-                    drawn_layout(episodes, k) if skip[k] else drawn_shot(episodes, k, rewards[k], goals[k])
-                    for k in range(self._n_shown)
-                ]
-            )
+            self._renderer.step(episodes, rewards, goals, skip)
         status = episodes.shots.status
         if np.count_nonzero(cut := status >= AT_EVENT_LIMIT):
             for k in np.flatnonzero(cut & ~skip)[:1]:

@@ -15,42 +15,42 @@ Page = tuple[tuple[str, str], ...]
 
 
 def no_target(balls: int) -> int:
-    """Is `Game.target` of a game that no score wins by default."""
+    """Returns 0: by default no score wins the game (`Game.target`)."""
     return 0
 
 
 @inlined
 def no_spots(table, positions, balls, others, cue):
-    """Is `Game.spot` of a game in which no ball returns to the table."""
+    """Returns -1: no ball returns to the table (`Game.spot`)."""
     return -1
 
 
 @inlined
 def no_rack(table, positions, others, cue):
-    """Is `Game.rack` of a game that has a single rack."""
+    """Returns `NOT_IN_HAND`: the game has a single rack (`Game.rack`)."""
     return NOT_IN_HAND
 
 
 @inlined
 def no_free_ball(table, positions, state, on):
-    """Is `Game.free_ball` of a game without free balls and free shots."""
+    """Returns False: the game has no free balls and no free shots (`Game.free_ball`)."""
     return False
 
 
 @inlined
 def no_look(table, positions, state):
-    """Is `Game.look` of a game in which the balls at rest add nothing to the state."""
+    """Leaves the state: the balls at rest add nothing to it (`Game.look`)."""
 
 
 @inlined
 def no_see(table, positions, state, facts, call):
-    """Is `Game.see` of a game whose judge needs no positions."""
+    """Returns the facts: the judge needs no positions (`Game.see`)."""
     return facts
 
 
 @inlined
 def no_rerack(table, positions, state):
-    """Is `Game.rerack` of a game in which the balls are not set up again by a call."""
+    """Leaves the balls: no call sets them up again (`Game.rerack`)."""
 
 
 class Game(NamedTuple):

@@ -22,12 +22,14 @@ from billiards_env.games.game_state import BEHIND, BREAK_AGAIN, NOT_IN_HAND, RER
 from billiards_env.jit import entry_point, inlined, kernel
 from billiards_env.physics.geometry.pockets import bounding_circle
 from billiards_env.physics.state import X, Y
-from billiards_env.scene import CONTACT_GAP, Scene, layouts
+from billiards_env.scene import CONTACT_GAP, Scene, layouts, outline
 from billiards_env.scene.layouts import PLACING_GAP
 from billiards_env.scene.outline import Point
 
 SPOT_GAP = 1e-5
 """m. Smallest gap between a colour on a spot of snooker and other balls, which it must not touch."""
+
+circle_intersections = inlined(outline.circle_intersections)
 
 STALEMATE_TURNS = 6
 """The number of turns of each player without progress after which a stalemate may be called, see `offer_new_rack`."""
@@ -200,7 +202,7 @@ def circle_of(obstacles, k):
 
 
 @kernel
-def is_free(obstacles, x, y):
+def avoids(obstacles, x, y):
     """Returns whether a point is outside all circles."""
     for k in circles(obstacles):
         if is_present(obstacles, k):
@@ -221,23 +223,12 @@ def line_intersections(centre, radius, offset):
     return centre - half, centre + half
 
 
-@inlined
-def circle_intersections(ax, ay, ar, bx, by, br):
-    """Returns the two points (x, y) at which two circles meet; NaN as in `line_intersections`."""
-    dx, dy = bx - ax, by - ay
-    square = dx * dx + dy * dy
-    along = (square + ar * ar - br * br) / (2.0 * square)
-    s = math.sqrt(ar * ar / square - along * along)
-    x, y = ax + along * dx, ay + along * dy
-    return (x - s * dy, y + s * dx), (x + s * dy, y - s * dx)
-
-
 @kernel
 def nearer(nearest, x, y, goal, area, obstacles):
     """Returns a point as the `Nearest`, if it is in the area, free, and nearer to the goal, else the former one."""
     dx, dy = x - goal[0], y - goal[1]
     square = dx * dx + dy * dy
-    if contains(area, x, y) and square < nearest.square and is_free(obstacles, x, y):
+    if contains(area, x, y) and square < nearest.square and avoids(obstacles, x, y):
         return Nearest(x, y, square)
     return nearest
 
@@ -251,7 +242,7 @@ def nearest_free_point(x, y, area, obstacles):
     rectangle. Of several nearest points the first in this order is returned.
     """
     x, y = clipped(area, x, y)
-    if is_free(obstacles, x, y):
+    if avoids(obstacles, x, y):
         return x, y, True
     goal, nearest = (x, y), Nearest(x, y, math.inf)
     for i in circles(obstacles):
@@ -273,7 +264,7 @@ def nearest_free_point(x, y, area, obstacles):
                 if not is_present(obstacles, j):
                     continue
                 other = circle_of(obstacles, j)
-            for u, v in circle_intersections(cx, cy, radius, other[0], other[1], other[2]):
+            for u, v in circle_intersections((cx, cy, radius), other):
                 nearest = nearer(nearest, u, v, goal, area, obstacles)
         for u in (area.x_low, area.x_high):
             for v in line_intersections(cy, radius, u - cx):
@@ -307,16 +298,16 @@ def spot_on_line(spot_x, y, obstacles):
     """
     area = area_of(obstacles.table, obstacles.ball, False)
     foot = min(spot_x, area.x_high)
-    if is_free(obstacles, foot, y):
+    if avoids(obstacles, foot, y):
         return foot, y, True
     beyond, in_front = math.inf, -math.inf
     for k in circles(obstacles):
         if is_present(obstacles, k):
             cx, cy, radius = circle_of(obstacles, k)
             for x in line_intersections(cx, radius, cy - y):
-                if foot <= x <= area.x_high and x < beyond and is_free(obstacles, x, y):
+                if foot <= x <= area.x_high and x < beyond and avoids(obstacles, x, y):
                     beyond = x
-                elif area.x_low <= x < foot and x > in_front and is_free(obstacles, x, y):
+                elif area.x_low <= x < foot and x > in_front and avoids(obstacles, x, y):
                     in_front = x
     if beyond < math.inf:
         return beyond, y, True
@@ -378,7 +369,7 @@ def spot_colours(table, positions, balls, others, cue):  # out: positions
 @inlined
 def is_spot_free(table, positions, ball, others, spot):
     """Returns whether a colour can lie on the spot of a colour."""
-    return is_free(Obstacles(table, positions, ball, others, 0, SPOT_GAP), table.spots[spot, X], table.spots[spot, Y])
+    return avoids(Obstacles(table, positions, ball, others, 0, SPOT_GAP), table.spots[spot, X], table.spots[spot, Y])
 
 
 @inlined

@@ -44,7 +44,7 @@ from billiards_env.games.game_state import (
 from billiards_env.games.placement import (
     Obstacles,
     area_of,
-    is_free,
+    avoids,
     offer_new_rack,
     rack_and_break,
     spot_colours,
@@ -319,7 +319,7 @@ def is_snookered(table, positions, state, on):
         for j in range(_STEPS):
             y = area.y_low + (area.y_high - area.y_low) * (j / (_STEPS - 1))
             in_d = (x - area.x_high) * (x - area.x_high) + y * y <= d * d
-            if in_d and is_free(obstacles, x, y) and sees_a_ball(table, positions, (x, y), state.object_balls, on):
+            if in_d and avoids(obstacles, x, y) and sees_a_ball(table, positions, (x, y), state.object_balls, on):
                 return False
     return True
 

@@ -94,7 +94,7 @@ def change_velocity(state, i, dvx, dvy, numbers):  # out: state
 
 @kernel
 def _exchange_many(e, count, contacts, state, scene, scratch):  # out: state, scratch
-    """Implements `exchange` for more than one contact. With `scratch=None` numba drops the rest."""
+    """Changes the velocities of balls in several contacts at one instant. With `scratch=None` numba drops the code."""
     if scratch is None:
         return 0
     increase, friction = scratch.increase, scene.ball_friction
@@ -181,7 +181,7 @@ def _rub_in_space(ball_friction, tilt, one, two, pair, p, numbers):
 
 @inlined
 def exchange_pair(e, contacts, state, scene):  # out: state
-    """Implements `exchange` for one contact. Returns whether `rebound` has raised the speed of separation."""
+    """Changes the velocities of two balls in contact. Returns whether `rebound` has raised the speed of separation."""
     inv_mass = scene.inv_mass
     i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
     raised = e * closing < rebound

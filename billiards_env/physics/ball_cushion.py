@@ -65,7 +65,7 @@ def reflect(state, i, nx, ny, rebound, scene):  # out: state
 
 @inlined
 def hit_by(motion, n, share, rebound, radius, cushion, numbers, solution):
-    """Implements `hit`, see there.
+    """Returns the motion of a ball after an impact on a cushion with a given law; `hit` describes the result.
 
     Args:
         motion: Velocity (vx, vy), slip (ux, uy) and spin about the vertical axis times the radius, m/s.

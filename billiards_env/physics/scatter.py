@@ -88,7 +88,7 @@ def scatter_limit(scatter, i, state, scene):
 
 @kernel
 def _scatter_motion(deviations, key, i, n, limit, state, scene):  # out: state
-    """Implements `scatter_motion`."""
+    """Adds random differences with these deviations to the motion of ball i after an impact on a cushion."""
     s, (nx, ny), slips, radius = state.rows[i], n, scene.numbers.motion == SLIDING_AND_ROLLING, scene.radius[i]
     normal, along, spin = deviations
     vn, vt = nx * s[VX] + ny * s[VY], nx * s[VY] - ny * s[VX]

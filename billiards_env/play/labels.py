@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from billiards_env.drawing.recording import recording_of
 from billiards_env.drawing.style import colour_names
 from billiards_env.games import FOULS, Setup, choices
 from billiards_env.games.entry import Page
@@ -158,7 +159,7 @@ def cushions(model: WindowModel, time: float = np.inf) -> str:
     """Returns how often the cue ball hits cushions before the second ball in three cushion, up to a time, s."""
     if not model.setup.game_rules.cushions or model.last_shot is None:
         return ""
-    shot = model.last_shot.shot.recording()
+    shot = recording_of(model.last_shot.shot)
     own = contacts(shot, shot.cue)
     own = own[own["time"] <= time]
     touched = np.where(own["kind"] == "ball_ball", own["ball"] + own["other"], -1)

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env import strike
+from billiards_env.drawing.recording import recording_of
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.engine import PIC, Engine
 from billiards_env.engine.orientation import VISIBLE
@@ -280,7 +281,7 @@ def tick(model: WindowModel, seconds: float) -> WindowModel:
     if model.clock + model.pace * seconds < model.duration:
         return replace(model, clock=model.clock + model.pace * seconds)
     if model.phase == "rolling":
-        recording = model.shown_shots[0].recording()
+        recording = recording_of(model.shown_shots[0])
         faces = recording.turning(model.first_faces, VISIBLE).at(recording.time)
         return _next_turn(replace(model, faces=faces))
     return model if model.clock == model.duration else replace(model, clock=model.duration)
@@ -464,7 +465,7 @@ def undo(model: WindowModel) -> WindowModel:
     return model
 
 
-def replay(model: WindowModel) -> WindowModel:
+def repeat(model: WindowModel) -> WindowModel:
     """Shows the last shot again, with the same shot by the other engine."""
     if model.last_shot is None:
         return model

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.drawing.recording import Recording
+from billiards_env.drawing.recording import Recording, recording_of
 from billiards_env.games import GameState, Setup, Stroke, play
 
 Floats = NDArray[np.float64]
@@ -37,7 +37,7 @@ class Preview(NamedTuple):
 
 def make_preview(setup: Setup, game: GameState, stroke: Stroke) -> Preview:
     """Simulates a shot and returns its start, up to the second contact of the cue ball and of the struck ball."""
-    recording = play(setup, game, stroke).shot.recording()
+    recording = recording_of(play(setup, game, stroke).shot)
     cue, own = recording.cue, contacts(recording, recording.cue)
     hits = own[own["kind"] == "ball_ball"]
     if len(hits) == 0:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from billiards_env.drawing.canvas import RESULT_SHOWN, Canvas, Motion, Surface, circle, draw_shapes, pygame
-from billiards_env.drawing.recording import Floats
+from billiards_env.drawing.recording import Floats, recording_of
 from billiards_env.drawing.style import CHALK
 from billiards_env.drawing.text import text_image, write
 from billiards_env.games.game_state import BEHIND, is_in, members, on_table
@@ -217,7 +217,7 @@ class View:
     def _start_paths(self, model: WindowModel) -> None:
         """Draws the table at the start of the shown shots."""
         self._shots = shot, ghost = model.shown_shots
-        recording, rings = shot.recording(), None if ghost is None else ghost.recording()
+        recording, rings = recording_of(shot), None if ghost is None else recording_of(ghost)
         self._motion = Motion(self.canvas, recording, rings, STEP, model.first_faces)
 
     def _draw_rows(self, rows: Sequence[Sequence[str]]) -> None:

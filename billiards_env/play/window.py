@@ -77,7 +77,7 @@ KEYS: tuple[tuple[str, str, dict[str, tuple[Any, ...]]], ...] = (
     ("B, K", "call the next ball, the next pocket", {"b": (act.next_called, "ball"), "k": (act.next_called, "pocket")}),
     ("X", "the next choice: safety, push out, hand back, replace", {"x": (act.next_kind,)}),
     ("U or Z", "undo a person's shot; the aim of the shot is kept", {"u": (act.undo,)}),
-    ("R, G", "replay the last shot; show or hide the other engine", {"r": (act.replay,), "g": (act.toggle, "ghost")}),
+    ("R, G", "replay the last shot; show or hide the other engine", {"r": (act.repeat,), "g": (act.toggle, "ghost")}),
     ("-, +", "show shots slower, faster", {key: (act.change_pace, change) for key, change in PACE_KEYS.items()}),
     (
         "S, N, Q",

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 
+from billiards_env.doors import Entries, offered
 from billiards_env.games import Setup
 from billiards_env.players.levels import planning
 from billiards_env.players.situation import Player
@@ -54,18 +55,13 @@ def _searching(argument: str, where: Where) -> Player:
     return functools.partial(search, shots=int(argument))
 
 
-def _policy(argument: str, where: Where) -> Player:
-    return importlib.import_module("billiards_env.sb3.policy_player").policy(argument, where)
-
-
-PLAYERS = {
+PLAYERS: Entries[PlayerEntry] = {
     "random": PlayerEntry(lambda argument, where: random),
     "geometric": PlayerEntry(lambda argument, where: geometric, needs_pockets=True),
     "search": PlayerEntry(_searching, argument=str(SHOTS)),
     "aim": PlayerEntry(lambda argument, where: reach_goals),
     "planner": PlayerEntry(lambda argument, where: planning(argument), argument="100ms"),
-    "policy": PlayerEntry(_policy, argument=""),
-}
+} | offered("player")
 """The players by name; "policy" needs the extra `train`."""
 
 
@@ -120,8 +116,8 @@ def _imported(text: str, module: str, function: str, names: Sequence[str]) -> An
     Raises a ValueError that lists the known names if there is neither.
     """
     try:
-        found, entry = importlib.import_module(module), PLAYERS.get(function)
-        theirs = entry is not None and entry.make.__module__.partition(".")[0] == module.partition(".")[0]
+        found, entry = importlib.import_module(module), PLAYERS.data.get(function)
+        theirs = isinstance(entry, PlayerEntry) and entry.make.__module__.partition(".")[0] == module.partition(".")[0]
         return entry if theirs else getattr(found, function)  # an entry of another package hides no function
     except SyntaxError as error:
         where = f"{error.filename}, line {error.lineno}: {error.msg}"

@@ -1,4 +1,4 @@
-"""Pots by geometry.
+"""Pots by geometry, and the action "plan".
 
 Modules:
     finder: The direct pots and the banks of many tables.
@@ -6,5 +6,6 @@ Modules:
     indirect: Combinations, caroms and kicks.
     hits: The hit of the cue ball on an object ball, and the motion of both after it.
     paths: The path of a ball that meets no other ball.
+    plans: The action "plan" of environments.
     budget: The time or the number of shots of a decision.
 """

@@ -115,7 +115,7 @@ def open_mouth(scene, i, p, x, y):
 
 @inlined
 def _between_tips(scene, outline, i, p, x, y):
-    """Implements `open_mouth`."""
+    """Returns the open mouth of pocket p: the part of a rim, or the gap between the tips of the jaws of an outline."""
     if outline is None:
         return _middle(*rim_ends(scene.pockets[p], x, y, *room_of(scene, i), _CLEAR))
     right, left = outline.mouths[p]

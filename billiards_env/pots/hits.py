@@ -142,7 +142,7 @@ def against_throw(ball_friction, table, i, hit, speed, state):
 
 @kernel
 def _turned_against_throw(table, i, hit, speed, state):
-    """Implements `against_throw`: turns the line of centres by the throw, several times."""
+    """Turns the line of centres of a hit by the throw, several times, until the throw is compensated."""
     want_x, want_y, row = hit.line_x, hit.line_y, state.rows[i]
     for _ in range(_THROW_STEPS):
         play_hit(table, i, hit, speed, state)

@@ -42,6 +42,7 @@ PPO_SETTINGS: dict[str, Any] = {
 
 _WORLD = ("scene", "task", "action", "max_speed", "observe")
 _UNITS, _MOST_SPEEDS = Range(2, 4096), 100
+_NO_SCHEDULE = -1  # `AimPolicy.shots` of a policy whose standard deviations no schedule changes
 _WORTH = 0.1  # the smallest value that divides an advantage
 
 
@@ -212,20 +213,24 @@ class AimPolicy(ActorCriticPolicy):
         self.optimizer = torch.optim.Adam(self.parameters(), lr=lr_schedule(1), eps=1e-5, fused=True)
 
     def set_shots(self, shots: int) -> None:
-        """Sets the number of shots of the training, and the standard deviations and the entropy that belong to it.
-
-        -1 if the deviations are learned, so that no schedule changes them (`agents.likelihood`).
-        """
+        """Sets the number of shots of the training, and the standard deviations and the entropy that belong to it."""
         self.shots.fill_(shots)
-        part = min(max(shots, 0) / self.exploration, 1.0)
+        self._follow_schedules()
+
+    def end_schedules(self) -> None:
+        """Keeps the standard deviations from now on, also in a saved policy: `agents.likelihood` learns them."""
+        self.shots.fill_(_NO_SCHEDULE)
+
+    def _follow_schedules(self) -> None:
+        part = min(max(int(self.shots), 0) / self.exploration, 1.0)
         *std, self.entropy_factor = (first * (last / first) ** part for first, last in self.schedules.values())
-        if shots >= 0:
+        if self.shots != _NO_SCHEDULE:
             self.net.std.copy_(torch.tensor(std))
 
     def set_training_mode(self, mode: bool) -> None:
-        """Sets the mode. At the end of an update, the standard deviations and the entropy change."""
+        """Sets the mode. PPO ends an update with it, so then the deviations and the entropy follow their schedules."""
         if self.training and not mode:
-            self.set_shots(int(self.shots))
+            self._follow_schedules()
         super().set_training_mode(mode)
 
     def mixtures_and_values(self, obs: PyTorchObs) -> tuple[Mixture, Tensor]:

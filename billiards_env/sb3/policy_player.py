@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from billiards_env.envs.actions import action_named
 from billiards_env.games import GAMES, Setup, Stroke, members
+from billiards_env.players.named import PlayerEntry
 from billiards_env.players.situation import Player, Situation, placed
 from billiards_env.players.strategies import best_of
 from billiards_env.sb3.aim_network import Mixture
@@ -73,6 +74,9 @@ def policy(argument: str, where: Setup | gym.Env[Any, Any]) -> Player:
         return situation.stroke(actions[0]) if count == 1 else best_of(situation, actions, rng)
 
     return player
+
+
+POLICY = PlayerEntry(policy, argument="")
 
 
 def _proposing(folder: str, where: gym.Env[Any, Any]) -> tuple[Propose, Callable[..., NDArray[np.float64]] | None]:

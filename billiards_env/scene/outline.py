@@ -293,19 +293,17 @@ def _within(tip: Tip, x: Floats, y: Floats) -> NDArray[np.bool_]:
     return (sx * py - sy * px <= 0.0) & (px * ey - py * ex <= 0.0)
 
 
-def circle_intersections(a: Circle, b: Circle) -> list[Point]:
-    """Returns the points at which two circles (x, y, radius) meet; none if they have the same centre."""
+def circle_intersections(a: Circle, b: Circle) -> tuple[Point, Point]:
+    """Returns the two points at which two circles (x, y, radius) meet; NaN if they do not, or have the same centre."""
     (ax, ay, ar), (bx, by, br) = a, b
     dx, dy = bx - ax, by - ay
-    square = dx * dx + dy * dy
-    if square == 0.0:
-        return []
-    along = (square + ar * ar - br * br) / (2.0 * square)
-    across = ar * ar / square - along * along
-    if across < 0.0:
-        return []
-    side = math.sqrt(across)
-    return [(ax + along * dx - s * dy, ay + along * dy + s * dx) for s in (side, -side)]
+    square, along, side = dx * dx + dy * dy, math.nan, math.nan
+    if square > 0.0:
+        along = (square + ar * ar - br * br) / (2.0 * square)
+        across = ar * ar / square - along * along
+        side = math.sqrt(across) if across >= 0.0 else math.nan
+    x, y = ax + along * dx, ay + along * dy
+    return (x - side * dy, y + side * dx), (x + side * dy, y - side * dx)
 
 
 def _intersections(a: Line | Circle, b: Line | Circle) -> list[Point]:
@@ -313,7 +311,7 @@ def _intersections(a: Line | Circle, b: Line | Circle) -> list[Point]:
     if not isinstance(a, Line):
         if isinstance(b, Line):
             return _intersections(b, a)
-        return circle_intersections(a, b)
+        return [point for point in circle_intersections(a, b) if math.isfinite(point[0])]
     dx, dy = a.x1 - a.x0, a.y1 - a.y0
     length = math.hypot(dx, dy)
     dx, dy = dx / length, dy / length

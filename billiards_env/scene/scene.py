@@ -507,14 +507,8 @@ class Scene:
         """Returns the scene of a given name.
 
         Args:
-            name: "pool" (9-foot table with six pockets), "blocked_pool" (the same, with ball 2 as a fixed obstacle),
-                "carom" (no pockets), "ideal" (no friction, no loss of energy and no pockets; a shot ends after 10 s),
-                "sum_to_three" (the small table of pooltool's game of that name), "real_pool" (9-foot table with the
-                jaws of the pockets), "real_carom" (carom), "match_carom" (carom with numbers fitted to tracks of a
-                match table), "snooker" (15 red balls, then yellow, green, brown, blue, pink and black), "uk_pool"
-                (small table, smaller cue ball) or "jump_pool" ("pool" with balls that leave the cloth).
-            n_object_balls: Number of object balls; None for the default: 21 in "snooker", 15 in "uk_pool", 2 in the
-                carom scenes and in "blocked_pool", 1 in the others.
+            name: A name in `billiards_env.scene.NAMED`, which describes the scenes.
+            n_object_balls: Number of object balls; None for the usual number of the scene.
 
         Returns:
             The scene.
@@ -527,9 +521,9 @@ class Scene:
             >>> scene.n_balls, len(scene.table.pockets), scene.physics.motion
             (16, 6, 'sliding')
         """
-        build, usual, most = entry_of("scene", name, _NAMED)
-        n = usual if n_object_balls is None else n_object_balls
-        return build(integer("n_object_balls", n, Range(0, most, f"for scene {name!r}")) + 1)
+        scene = entry_of("scene", name, NAMED)
+        n = scene.usual if n_object_balls is None else n_object_balls
+        return scene.build(integer("n_object_balls", n, Range(0, scene.most, f"for scene {name!r}")) + 1)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Scene:
@@ -723,33 +717,38 @@ class NamedScene(NamedTuple):
         build: Returns the scene from its number of balls, with the cue ball.
         usual: The default number of object balls.
         most: The largest number of object balls.
+        summary: What the scene is, for the documentation.
     """
 
     build: Callable[[int], Scene]
     usual: int
     most: int
+    summary: str = ""
 
 
-# To add a scene, write its builder, list it here and describe it in `Scene.named`.
-_NAMED: dict[str, NamedScene] = {
-    "pool": NamedScene(_pool, 1, 15),
-    "blocked_pool": NamedScene(_blocked_pool, 2, 15),
-    "carom": NamedScene(_carom, 2, 15),
-    "ideal": NamedScene(_ideal, 1, 500),
-    "sum_to_three": NamedScene(_sum_to_three, 1, 15),
-    "real_pool": NamedScene(_real_pool, 1, 15),
-    "real_carom": NamedScene(_real_carom, 2, 15),
-    "match_carom": NamedScene(_match_carom, 2, 15),
-    "snooker": NamedScene(_snooker, 21, 21),
-    "uk_pool": NamedScene(_uk_pool, 15, 15),
-    "jump_pool": NamedScene(_jump_pool, 1, 15),
+NAMED: dict[str, NamedScene] = {
+    "pool": NamedScene(_pool, 1, 15, "9-foot table, six pockets, 2.25 in balls"),
+    "blocked_pool": NamedScene(_blocked_pool, 2, 15, "the same table; ball 2 is a fixed post and cannot be potted"),
+    "carom": NamedScene(_carom, 2, 15, "2.84 x 1.42 m without pockets, 61.5 mm balls"),
+    "ideal": NamedScene(_ideal, 1, 500, "the pool table without pockets and losses; a shot ends after 10 s"),
+    "sum_to_three": NamedScene(_sum_to_three, 1, 15, "1.22 x 0.61 m, with the balls and friction of pooltool's game"),
+    "real_pool": NamedScene(_real_pool, 1, 15, '9-foot table with the jaws of real pockets, table `"pool_9ft"`'),
+    "real_carom": NamedScene(_real_carom, 2, 15, 'carom on the table `"carom_10ft"`'),
+    "match_carom": NamedScene(_match_carom, 2, 15, "carom fitted to tracks of a match table"),
+    "snooker": NamedScene(_snooker, 21, 21, "12-foot table, 52.5 mm balls: red, then yellow to black"),
+    "uk_pool": NamedScene(_uk_pool, 15, 15, "7-foot table, 2 in balls (7 red, 1 black, 7 yellow), a smaller cue ball"),
+    "jump_pool": NamedScene(
+        _jump_pool, 1, 15, 'as `"pool"`, with friction between the balls and [flights](physics.md#flights)'
+    ),
 }
-SCENES = tuple(_NAMED)
+"""The named scenes by name, in the order of the documentation."""
+
+SCENES = tuple(NAMED)
 
 
 def register_scene(name: str, scene: NamedScene) -> None:
     """Adds a scene of another package to those of `Scene.named`. The errors are those of `checks.add_entry`."""
-    add_entry("scene", name, scene, _NAMED, NamedScene)
+    add_entry("scene", name, scene, NAMED, NamedScene)
 
 
 def check_scene(scene: Scene) -> None:

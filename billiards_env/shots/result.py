@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.derivatives.differentiable import Differentiable
+from billiards_env.doors import load
 from billiards_env.engine.compile import Engine
 from billiards_env.engine.log import N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, Log, named_events
 from billiards_env.engine.orientation import turning
@@ -22,18 +23,15 @@ from billiards_env.scene import Scene
 from billiards_env.support.checks import numbers, short
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from billiards_env.derivatives.shot_derivatives import Record, Sensitivity
-    from billiards_env.drawing.plot import Axes
-    from billiards_env.drawing.recording import Recording
     from billiards_env.physics.scatter import Scatter
     from billiards_env.shots.records import ShotRecord
 
 Floats = NDArray[np.float64]
 
 _STATUS = np.array(STATUS, dtype=object)
-
-LONGEST_SHOWN = 20_000
-"""Largest number of pieces in the trajectory of a shot that a notebook displays: a few megabytes."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -238,9 +236,7 @@ class ShotResult(Differentiable):
             ValueError: If a shot was not recorded, or `compare` has other balls or another table.
             ModuleNotFoundError: If matplotlib is not installed.
         """
-        from billiards_env.drawing.plot import draw_shot
-
-        return draw_shot(self.recording("plot"), ax, _recording(compare, "plot"))
+        return load("shot.plot")(self, ax, compare)
 
     def to_gif(
         self, path: str | os.PathLike[str], *, fps: float = 25, width: int = 640, compare: ShotResult | None = None
@@ -260,10 +256,7 @@ class ShotResult(Differentiable):
             OSError: If the file cannot be written.
             ModuleNotFoundError: If pygame is not installed.
         """
-        recording, other = self.recording("to_gif"), _recording(compare, "to_gif")
-        from billiards_env.drawing.film import write_film
-
-        write_film(path, ".gif", recording, fps, width, other)
+        load("shot.to_gif")(self, path, ".gif", fps, width, compare)
 
     def to_mp4(
         self, path: str | os.PathLike[str], *, fps: float = 60, width: int = 960, compare: ShotResult | None = None
@@ -282,10 +275,7 @@ class ShotResult(Differentiable):
             OSError: If the file cannot be written.
             ModuleNotFoundError: If pygame or imageio-ffmpeg is not installed.
         """
-        recording, other = self.recording("to_mp4"), _recording(compare, "to_mp4")
-        from billiards_env.drawing.film import write_film
-
-        write_film(path, ".mp4", recording, fps, width, other)
+        load("shot.to_mp4")(self, path, ".mp4", fps, width, compare)
 
     def to_html(self, path: str | os.PathLike[str], *, title: str | None = None) -> None:
         """Writes a self-contained page that plays the shot in any browser. An error leaves no partial file.
@@ -298,18 +288,11 @@ class ShotResult(Differentiable):
             ValueError: If the shot was not recorded.
             OSError: If the file cannot be written.
         """
-        recording = self.recording("to_html")
-        from billiards_env.drawing.page import write_page
-
-        write_page(path, recording, title)
+        load("shot.to_html")(self, path, title)
 
     def _repr_html_(self) -> str | None:
         """Returns the page of `to_html` for a notebook, or None if the shot was not recorded or is very long."""
-        if self.trajectory is None or len(self.trajectory.ball) > LONGEST_SHOWN:
-            return None
-        from billiards_env.drawing.page import notebook_output
-
-        return notebook_output(self.recording("_repr_html_"))
+        return None if self.trajectory is None else load("shot._repr_html_")(self)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the input and the result of the shot as JSON, for `shots.records.load` and `billiards replay`.
@@ -351,30 +334,10 @@ class ShotResult(Differentiable):
             end=end_of(self),
         )
 
-    def recording(self, method: str = "recording") -> Recording:
-        """Returns the shot as the `Recording` that `billiards_env.drawing` uses.
-
-        Args:
-            method: Name of the caller for the error message.
-
-        Raises:
-            ValueError: If the shot was not recorded.
-        """
-        scene, paths, events = self._recorded(method)
-        from billiards_env.drawing.recording import Recording
-
-        return Recording(scene, self.time, self.engine, paths, events, self.cue)
-
     def _recorded(self, method: str) -> tuple[Scene, Trajectory, NDArray[Any]]:
         if self.trajectory is None or self.events is None or self.scene is None:
             raise ValueError(f"shot.{method}: the shot was not recorded, expected simulate(..., record=True)")
         return self.scene, self.trajectory, self.events
-
-
-def _recording(shot: ShotResult | None, method: str) -> Recording | None:
-    if not (shot is None or isinstance(shot, ShotResult)):
-        raise TypeError(f"compare = {short(shot)}: expected a ShotResult or None")
-    return None if shot is None else shot.recording(method)
 
 
 def check_differentiable(scene: Scene, what: str) -> None:

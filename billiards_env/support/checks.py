@@ -13,7 +13,7 @@ import importlib
 import math
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, MutableMapping, Sequence
 from numbers import Real
 from typing import Any, NamedTuple, TypeVar
 
@@ -260,7 +260,7 @@ def short_name(name: str) -> str:
     return name.rpartition(":")[2]
 
 
-def add_entry(what: str, name: str, entry: T, table: dict[str, T], kind: type) -> None:
+def add_entry(what: str, name: str, entry: T, table: MutableMapping[str, T], kind: type) -> None:
     """Adds an entry of another package to a table, such as `TASKS`.
 
     The same entry may be added again, for example if its module is loaded again. Its functions are then other objects

@@ -25,7 +25,7 @@ def test_runners_share_the_layouts_and_explore_differently():
     for part in parts:
         part.seed(640)
         part.model._last_obs = np.full_like(together[:4], 0.3)
-        actions.append(part.play(part.model.policy.state_dict())[0]["actions"][::5])
+        actions.append(part.collect(part.model.policy.state_dict())[0]["actions"][::5])
     assert not np.isin(*actions).any()
     parts[0].seed(1280)
     assert not np.isin(parts[0].model._last_obs, together).any()
@@ -35,7 +35,7 @@ def test_every_step_is_a_shot_with_the_numbers_of_the_given_weights():
     played, other = Rollouts(SETTINGS, 8, 0), Rollouts(SETTINGS, 8, 0)
     played.seed(0)
     weights = {f"policy.{name}": tensor.numpy() for name, tensor in other.model.policy.state_dict().items()}
-    arrays, successes = played.play(as_tensors(weights))
+    arrays, successes = played.collect(as_tensors(weights))
     assert len(successes) == 40  # one shot is one episode, and no step is a reset
     assert {len(array) for array in arrays.values()} == {40}
     with torch.no_grad():
@@ -45,4 +45,4 @@ def test_every_step_is_a_shot_with_the_numbers_of_the_given_weights():
     np.testing.assert_allclose(arrays["action_logp"], log_prob, atol=1e-5)
     np.testing.assert_allclose(arrays["value_targets"] - arrays["advantages"], values[:, 0], atol=1e-5)
     assert arrays["value_targets"].sum() == sum(successes)
-    assert played.play(as_tensors(weights))[1] is not successes
+    assert played.collect(as_tensors(weights))[1] is not successes

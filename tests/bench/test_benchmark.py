@@ -32,7 +32,7 @@ def few_episodes(monkeypatch):
 
 @cache
 def text():
-    return bench.to_json(bench.play("geometric", TASKS, (0, 5)))
+    return bench.to_json(bench.play_tasks("geometric", TASKS, (0, 5)))
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def test_a_file_is_accepted_and_holds_the_outcomes_of_single_environments(played
                 total, k = total + float(reward), k + 1
             assert (over, total) == (True, result.returns[episode])
             assert info["is_success"] == result.success[episode]
-    bench.save(played, bench.play("geometric", TASKS, (0, 5)))
+    bench.save(played, bench.play_tasks("geometric", TASKS, (0, 5)))
     assert played.read_text() == text()
 
 
@@ -69,9 +69,9 @@ def test_who_knows_the_noise_can_subtract_it_but_not_that_of_another_seed():
     for seed in evaluation_seeds(0, 12).tolist():
         noise = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,))).standard_normal(2) * scales
         actions.append(perturb(act(env.reset(seed=seed)[0]), -noise))
-    chosen = bench.replay(task, 0, np.ones(12, np.uint8), np.array(actions, np.float32))
+    chosen = bench.play_actions(task, 0, np.ones(12, np.uint8), np.array(actions, np.float32))
     others = [bench.fresh(bench.Bench("foresight", (chosen,)), k).results[0] for k in range(10)]
-    plain = bench.play("geometric", ["Pot1-v0"]).results[0]
+    plain = bench.play_tasks("geometric", ["Pot1-v0"]).results[0]
     assert np.array_equal(chosen.success, plain.success)
     assert np.mean([other.success.mean() for other in others]) < plain.success.mean() - 0.1
     assert {other.layouts for other in others} == {chosen.layouts}
@@ -79,10 +79,10 @@ def test_who_knows_the_noise_can_subtract_it_but_not_that_of_another_seed():
 
 
 def test_a_seed_of_the_noise_is_recorded_and_changes_only_the_noise(tmp_path, capsys):
-    entry = bench.play("geometric", ["Pot1Noise-v0", "Pot3-v0", "Pot3Noise-v0"], noise_seed=2**40)
+    entry = bench.play_tasks("geometric", ["Pot1Noise-v0", "Pot3-v0", "Pot3Noise-v0"], noise_seed=2**40)
     noisy, plain, longer = entry.results
     assert [result.noise_seed for result in entry.results] == [2**40, None, 2**40]
-    usual = bench.play("geometric", ["Pot1Noise-v0", "Pot3-v0"]).results
+    usual = bench.play_tasks("geometric", ["Pot1Noise-v0", "Pot3-v0"]).results
     assert bench.from_json(bench.to_json(entry)).results[0].noise_seed == 2**40
     assert plain.digest == usual[1].digest
     assert (noisy.layouts, (noisy.actions == usual[0].actions).all()) == (usual[0].layouts, True)

@@ -22,7 +22,6 @@ UNUSED = (
     "derivatives.sweeps",
     "derivatives.tangent",
     "drawing",
-    "envs.plans",
     "envs.turns",
     "games.batch",
     "games.playing",

@@ -17,11 +17,11 @@ def test_cases_of_speed_are_repeatable_and_as_documented():
     for case, again in zip(speed.cases(0.001), speed.cases(0.001), strict=True):
         assert np.array_equal(case.positions, again.positions)
         assert np.array_equal(case.velocities, again.velocities)
-        speed.run(case)
+        speed.batch_of(case)
     speeds = np.hypot(*speed.random_shots("", Scene.named("pool"), 200).velocities.T)
     assert 0.5 * speed.MAX_SPEED > speeds.min() < speeds.max() <= speed.MAX_SPEED * (1 + 1e-15)
     for rack in ("rack", "tight_rack"):
-        assert (speed.run(speed.breaks("", "pool", rack, 20)).first_hit == 1).all()
+        assert (speed.batch_of(speed.breaks("", "pool", rack, 20)).first_hit == 1).all()
 
 
 def test_calibration_counts_the_intervals_with_the_truth(tmp_path, monkeypatch):
@@ -47,10 +47,10 @@ def test_the_error_is_near_the_rounding_of_the_input(kind):
 
 
 def test_another_velocity_exceeds_the_error_limit(monkeypatch):
-    right = error_limit.run
+    right = error_limit.reference_shot
     monkeypatch.setattr(
         error_limit,
-        "run",
+        "reference_shot",
         lambda scene, places, velocity, **kw: right(scene, places, [v * (1 + 1e-6) for v in velocity], **kw),
     )
     assert error_limit.compare("carom", 0)["ratio"] > 1e6

@@ -14,7 +14,7 @@ from billiards_env.__main__ import main
 from billiards_env.calibration import Track, calibrate, observed, write_tracks
 from billiards_env.calibration.contacts import find_exchange
 from billiards_env.calibration.fit import reduced, with_physics
-from billiards_env.calibration.shot import PLACES, SPIN, VELOCITY, prepare
+from billiards_env.calibration.preparation import PLACES, SPIN, VELOCITY, prepare
 from billiards_env.calibration.starts import allowed, settle
 from billiards_env.scene import check_positions, layouts
 

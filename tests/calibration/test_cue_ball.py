@@ -10,7 +10,7 @@ from billiards_env import Scene, simulate
 from billiards_env.calibration import Frame, Track, calibrate, observed, stages, starts
 from billiards_env.calibration.cleaning import drop_clipped
 from billiards_env.calibration.fit import with_physics
-from billiards_env.calibration.shot import prepare
+from billiards_env.calibration.preparation import prepare
 from billiards_env.calibration.tracks import first_balls
 
 SCENE = Scene.named("carom", 1)

@@ -4,8 +4,8 @@ import numpy as np
 
 from billiards_env import simulate
 from billiards_env.calibration import observed
+from billiards_env.calibration.preparation import prepare
 from billiards_env.calibration.scatter import estimate
-from billiards_env.calibration.shot import prepare
 from billiards_env.calibration.starts import settle
 from tests.helpers.tracks import SCENE
 

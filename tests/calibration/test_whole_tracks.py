@@ -9,7 +9,7 @@ from billiards_env.calibration import Frame, Track, calibrate, fit, stages, star
 from billiards_env.calibration.cleaning import clean, drop_clipped, lost_frames, noise_of
 from billiards_env.calibration.contacts import CUSHION, find_contacts
 from billiards_env.calibration.frame import fit_frame
-from billiards_env.calibration.shot import prepare
+from billiards_env.calibration.preparation import prepare
 from billiards_env.calibration.tracks import with_rest
 from billiards_env.support.checks import RANGES, Range
 from tests.helpers.tracks import FRAME, LATE, SCENE, raw_tracks, whole_tracks

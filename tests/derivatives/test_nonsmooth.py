@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.reference.oracle import run
+from benchmarks.reference.oracle import reference_shot
 from billiards_env import Scene, simulate_batch, strike
 from billiards_env.derivatives.nonsmooth import REASONS
 from billiards_env.derivatives.shot_derivatives import physics_inputs
@@ -246,7 +246,7 @@ def test_a_ball_that_barely_passes_is_not_certain(gap, certain):
 def test_a_ball_that_stops_within_rounding_of_a_ball_is_not_certain():
     """In exact arithmetic the two touch."""
     scene, places, start = Scene.named("carom", 1), [[-0.5, 0.0], [-0.035923414682838536, 0.0]], [0.3843449257916131, 0]
-    shot, exact = simulate(scene, places, start, record=True), run(scene, places, start)
+    shot, exact = simulate(scene, places, start, record=True), reference_shot(scene, places, start)
     assert (contacts_of(shot), contacts_of_exact(exact)) == ([], [("ball_ball", 0, 1)])
     assert shot.nonsmooth().reason == "grazing"
     assert shot.certainty() == (0, False)
@@ -303,7 +303,7 @@ def test_certain_contacts_are_those_of_the_reference(name, seed):
     headings = rng.uniform(-math.pi, math.pi, 2)
     velocities[:2] = rng.uniform(0.3, 1.5) * np.stack((np.cos(headings), np.sin(headings)), axis=1)
     shot = simulate(scene, places, velocities, record=True, max_time=4.0)
-    certainty, exact = shot.certainty(), run(scene, places, velocities, max_time=4.0, digits=30)
+    certainty, exact = shot.certainty(), reference_shot(scene, places, velocities, max_time=4.0, digits=30)
     assert contacts_of(shot)[: certainty.contacts] == contacts_of_exact(exact)[: certainty.contacts]
     if certainty.outcome:
         assert contacts_of(shot) == contacts_of_exact(exact)
@@ -322,7 +322,7 @@ def test_a_doubt_grows_with_the_impacts_before_it():
     assert of_shot.contacts <= certainty.contacts < uncut.n_events  # later the errors are as large as the table
     assert not certainty.outcome
     until = uncut.events["time"][[certainty.contacts - 1, certainty.contacts]].mean()  # all events are contacts
-    exact = run(scene, start, [1.0, 0.0], max_time=float(until))
+    exact = reference_shot(scene, start, [1.0, 0.0], max_time=float(until))
     assert contacts_of_exact(exact) == contacts_of(uncut)[: certainty.contacts]
 
 

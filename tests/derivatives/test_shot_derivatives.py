@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.reference.oracle import run
+from benchmarks.reference.oracle import reference_shot
 from billiards_env import Scene, simulate_batch, strike
 from billiards_env import scene as scenes
 from billiards_env.derivatives import shot_derivatives
@@ -283,7 +283,7 @@ def test_the_sensitivity_is_the_derivative_of_the_final_positions(name):
     assert sensitivity.smooth
     jacobian = np.concatenate([shot.jacobian("positions", by) for by in ("positions", "velocities", "spins")], axis=-1)
     np.testing.assert_allclose(sensitivity.jacobian, jacobian, rtol=0, atol=1e-12 * np.abs(jacobian).max())
-    exact = run(scene, *start).positions
+    exact = reference_shot(scene, *start).positions
     assert np.abs(shot.positions - np.array(exact, float)).max() < 10 * UNIT_ROUNDOFF * sensitivity.condition
 
 

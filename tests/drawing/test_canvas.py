@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, simulate
+from billiards_env.drawing.recording import recording_of
 from billiards_env.scene import Balls, Table
 
 pytest.importorskip("pygame")
@@ -20,7 +21,7 @@ def near(frame, where, colour, tolerance=6, dx=0.0, dy=0.0):
 
 def film(canvas, shot, fps=30, *args, **kwargs):
     """Returns the frames of a film."""
-    return [pixels(frame) for frame in canvas.film(shot.recording(), fps, *args, **kwargs)]
+    return [pixels(frame) for frame in canvas.film(recording_of(shot), fps, *args, **kwargs)]
 
 
 def still(scene, positions, **kwargs):
@@ -32,7 +33,7 @@ def still(scene, positions, **kwargs):
 
 def test_frames_are_the_same_every_time(shot, pit):
     canvas, other = Canvas(shot.scene, width=400), Canvas(shot.scene, width=400)
-    arguments = shot, 20, "one", "two", pit.recording()
+    arguments = shot, 20, "one", "two", recording_of(pit)
     frames = film(canvas, *arguments)
     assert np.array_equal(frames, film(canvas, *arguments))
     assert np.array_equal(frames, film(other, *arguments))
@@ -115,7 +116,7 @@ def test_the_arrow_points_along_the_velocity_of_the_cue_ball(shot):
 def test_a_film_shows_the_velocity_of_the_cue_ball(elsewhere):
     scene, places = elsewhere.scene, elsewhere.at(0.0)
     canvas, struck = Canvas(scene), simulate(scene, places, [[0.0, 0.0], [0.0, 0.0], [2.0, 0.0]], record=True)
-    for recording, ball in ((elsewhere.recording(), 0), (struck.recording()._replace(cue=2), 2)):
+    for recording, ball in ((recording_of(elsewhere), 0), (recording_of(struck)._replace(cue=2), 2)):
         frame = pixels(next(canvas.film(recording, 30)))
         along = 2.2 * canvas.scale * scene.balls.radius[ball]  # most of the velocity is along x
         assert near(frame, canvas.pixels_of(places[ball]), CHALK, 60, dx=along, dy=-along * (ball == 0) / 10)
@@ -153,7 +154,7 @@ def test_long_texts_do_not_overlap(name, balls):
 def test_the_other_run_is_drawn_as_rings(shot, pit):
     canvas = Canvas(shot.scene)
     (alone,) = film(canvas, shot, only_last=True)
-    (both,) = film(canvas, shot, compare=pit.recording(), only_last=True)
+    (both,) = film(canvas, shot, compare=recording_of(pit), only_last=True)
     radius = shot.scene.balls.radius[2] * canvas.scale
     centre = canvas.pixels_of(pit.positions[2])  # this ball is not potted in this run
     path = looks(shot.scene)[2].path
@@ -184,7 +185,7 @@ def test_tables_of_unusual_shape_fit():
 def test_the_shadow_of_a_ball_in_the_air_is_beside_it(jump):
     canvas, time = Canvas(jump.scene, 1000), 0.1
     frame = canvas.table.copy()
-    Motion(canvas, jump.recording(), None, 1 / 60).draw(frame, time)
+    Motion(canvas, recording_of(jump), None, 1 / 60).draw(frame, time)
     ground, height = canvas.pixels_of(jump.at(time)[0]), jump.heights_at(time)[0]
     away = canvas.scale * height * np.array([-LIGHT[0], LIGHT[1]]) / LIGHT[2]
     shown, empty = pixels(frame).astype(int), pixels(canvas.table).astype(int)
@@ -193,16 +194,16 @@ def test_the_shadow_of_a_ball_in_the_air_is_beside_it(jump):
     assert np.hypot(*away) > 2 * canvas.scale * jump.scene.balls.radius[0]
     edge = 1.1 * canvas.scale * jump.scene.balls.radius[0]  # beyond the ball if it were on the cloth
     assert near(pixels(frame), ground, "#ffffff", 90, dx=-edge)
-    assert not Motion(canvas, jump.recording(), None, 1 / 60).potted(jump.time).size
+    assert not Motion(canvas, recording_of(jump), None, 1 / 60).potted(jump.time).size
     still = simulate(jump.scene, jump.at(0.0), [0.0, 0.0], record=True)
-    Motion(canvas, still.recording(), jump.recording(), 1 / 60).draw(frame, time)
+    Motion(canvas, recording_of(still), recording_of(jump), 1 / 60).draw(frame, time)
     ring = canvas.scale * jump.scene.balls.radius[0] * (1.0 + LIFT * height)
     assert near(pixels(frame), ground, looks(jump.scene)[0].path, 90, dy=1.0 - ring)
 
 
 def test_the_path_of_a_ball_in_the_air_is_dashed(jump):
     canvas, frame, step = Canvas(jump.scene, 1000), Canvas(jump.scene, 1000).table.copy(), 1 / 60
-    Motion(canvas, jump.recording(), None, step).draw(frame, jump.time)
+    Motion(canvas, recording_of(jump), None, step).draw(frame, jump.time)
     middles = (np.arange(8, 13) + 0.5) * step
     seen = [near(pixels(frame), canvas.pixels_of(jump.at(t)[0]), looks(jump.scene)[0].path, 90) for t in middles]
     assert seen == [True, False, True, False, True]

@@ -12,11 +12,12 @@ from PIL.GifImagePlugin import GifImageFile
 
 from billiards_env.drawing import film
 from billiards_env.drawing.canvas import Canvas, pixels
+from billiards_env.drawing.recording import recording_of
 from tests.helpers.films import read_mp4
 
 
 def drawn(shot, fps, width):
-    return [pixels(f) for f in Canvas(shot.scene, width).film(shot.recording(), fps, shot.engine)]
+    return [pixels(f) for f in Canvas(shot.scene, width).film(recording_of(shot), fps, shot.engine)]
 
 
 def test_mp4(shot, tmp_path):

@@ -8,6 +8,7 @@ import pytest
 from billiards_env import Scene, simulate
 from billiards_env.drawing.page import make_page
 from billiards_env.drawing.raster import rgb
+from billiards_env.drawing.recording import recording_of
 from billiards_env.drawing.style import CLOTH, POCKET
 from tests.helpers.pages import page_data
 
@@ -247,18 +248,18 @@ def test_inserted_text_is_escaped(tab, shot, tmp_path):
 
 def test_the_page_is_one_file_without_links(shot):
     label = "</script><b>"
-    page = make_page(shot.recording()._replace(label=label), label)
+    page = make_page(recording_of(shot)._replace(label=label), label)
     assert not re.search(r"(src|href)=|https?:|@import|url\(", page)
     assert page.count("</script>") == 2
     assert "<b>" not in page
     assert html.escape(label) in page
-    assert html.escape(label) in make_page(shot.recording()._replace(label=label))
+    assert html.escape(label) in make_page(recording_of(shot)._replace(label=label))
     assert "{{" not in page
 
 
 def test_the_page_contains_the_trajectories_with_all_digits(shot):
     data = page_data(shot)
-    paths = shot.recording().trajectory
+    paths = recording_of(shot).trajectory
     for ball, rows in enumerate(data["shot"]["pieces"]):
         assert [row[2:4] for row in rows] == paths.position[paths.ball == ball].tolist()
     assert data["shot"]["gone"][2] == paths.potted_at[2]
@@ -268,7 +269,7 @@ def test_the_page_contains_the_trajectories_with_all_digits(shot):
 def test_notebooks_show_no_page_for_unrecorded_or_long_shots(shot, unrecorded, monkeypatch):
     assert "<iframe " in shot._repr_html_()
     assert unrecorded._repr_html_() is None
-    monkeypatch.setattr("billiards_env.shots.result.LONGEST_SHOWN", 3)
+    monkeypatch.setattr("billiards_env.drawing.page.LONGEST_SHOWN", 3)
     assert shot._repr_html_() is None
 
 
@@ -277,7 +278,7 @@ def test_balls_turn_as_in_python(tab, tmp_path):
     shot = simulate(scene, [[-0.6, 0.0], [0.4, 0.02]], [2.0, 0.0], spins=[20.0, -30.0, 60.0], record=True)
     shot.to_html(tmp_path / "spin.html")
     tab.goto((tmp_path / "spin.html").as_uri())
-    turns = shot.recording().turning()
+    turns = recording_of(shot).turning()
     for t in np.linspace(0.0, shot.time, 40).tolist():
         for ball, face in enumerate(turns.at(t)):
             shown = np.array(tab.evaluate(f"billiards.face({ball}, {t!r})"))

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene, strike
+from billiards_env.drawing.recording import recording_of
 from tests.helpers.shots import simulate
 
 pytest.importorskip("matplotlib")
@@ -141,7 +142,7 @@ def test_the_times_of_hits_in_the_jaws_are_on_the_nearest_rail():
 def test_the_colour_of_a_path_is_the_speed(shot):
     steps = [c for c in shot.plot().collections if isinstance(c, LineCollection) and c.get_array() is not None]
     assert len(steps) == 3  # a collection for each moving ball
-    recording = shot.recording()
+    recording = recording_of(shot)
     fastest = max(recording.speeds(i, recording.corners(i)).max() for i in range(5))
     assert all(c.get_clim() == (0.0, fastest) for c in steps)
     assert fastest == pytest.approx(2.8, rel=1e-3)
@@ -169,12 +170,12 @@ def test_ticks_show_the_side_spin():
 
 
 def test_balls_that_fly_have_a_side_view_to_scale(jump, shot):
-    axes, height = jump.plot(), jump.recording().hops()[0][2]
+    axes, height = jump.plot(), recording_of(jump).hops()[0][2]
     assert f"{100 * height:.1f} cm" in [text.get_text() for text in axes.texts]
     radius = jump.scene.balls.radius[0]
     (cloth,) = {round(y - radius, 9) for _, y, _ in circles(axes, looks(jump.scene)[1].fill, True) if y > 0.66}
     (ring,) = [place for place in circles(axes, looks(jump.scene)[0].path, False) if place[1] > cloth]
-    place = jump.recording().path(0, [jump.recording().gone[0]])[0]
+    place = recording_of(jump).path(0, [recording_of(jump).gone[0]])[0]
     assert ring == pytest.approx([place[0], cloth + radius + height, radius])
     (legend,) = axes.figure.legends
     assert {"in the air", "is driven off"} <= {text.get_text() for text in legend.get_texts()}

@@ -283,7 +283,7 @@ def of_engine(start, **limits):
     """Returns the shot of the engine, its events and their times. A shot to its end keeps all rules at every event."""
     scene, positions, velocities, *spins = start[0], *map(floats, start[1:])
     ends = scene.physics.motion == "ideal" or not (limits or scene.physics.max_time)
-    run = scenes.run if ends else functools.partial(simulate, record=True)
+    run = scenes.checked_shot if ends else functools.partial(simulate, record=True)
     options = {key: float(value) if key == "max_time" else value for key, value in limits.items()}
     shot: Any = run(scene, positions, velocities, spins=spins[0] if spins else None, **options)
     return shot, scenes.kinds(shot), shot.events["time"]
@@ -291,7 +291,7 @@ def of_engine(start, **limits):
 
 def of_simulator(start, **limits):
     """Returns the shot of the 50-digit reference, its events and their times."""
-    shot = oracle.run(*start, **limits)
+    shot = oracle.reference_shot(*start, **limits)
     return shot, [(e.kind, e.ball, e.other) for e in shot.events], [e.time for e in shot.events]
 
 

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.reference.oracle import run
+from benchmarks.reference.oracle import reference_shot
 from billiards_env import Engine, Scene
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.engine.overlaps import FIXES
@@ -105,7 +105,7 @@ def test_a_corner_agrees_with_the_reference(law, a_table, axis, spin):
         gap = R * math.hypot(1.2, 0.7)
         start = np.array([axis]) * ((2.25 - R) / x if x == y else (1.2 - gap / 0.7 if x else 0.7 - gap / 1.2))
     shot = simulate(scene, start, velocity, spins=[spin], record=True)
-    exact = run(scene, start, velocity, [spin])
+    exact = reference_shot(scene, start, velocity, [spin])
     assert kinds(shot) == [(e.kind, e.ball, e.other) for e in exact.events]
     assert shot.positions[0] == pytest.approx([float(x) for x in exact.positions[0]], abs=1e-12)
 

@@ -2,17 +2,19 @@
 
 import dataclasses
 import math
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
 import pytest
 
-from billiards_env import Scene, simulate
-from billiards_env.engine import PIC, Engine
+from billiards_env import Scene, simulate, simulate_batch
+from billiards_env.drawing.rendering import drawn_layout
+from billiards_env.engine import PIC, Engine, scene_fields
+from billiards_env.engine.overlaps import FIXES, TREATMENTS
 from billiards_env.engine.strikes import strike
 from billiards_env.envs import make_env
 from billiards_env.envs.actions import cue_strike
-from billiards_env.envs.rendering import drawn_layout
 from billiards_env.games import records
 from billiards_env.games.facts import facts_of
 from billiards_env.games.playing import History
@@ -207,6 +209,18 @@ def test_a_ball_that_falls_on_others_comes_down_to_the_cloth(name):
     assert max(np.diff(energies)) < 1e-4
 
 
+def test_shots_at_balls_exactly_above_one_another_end_by_physics():
+    """The impacts at one instant end, and the struck ball, which is below the others, moves on."""
+    rng, m = np.random.default_rng(0), 100
+    velocities = np.column_stack((rng.uniform(1.5, 5.0, m), np.zeros(m), rng.uniform(0.8, 1.8, m)))
+    velocities[:2] = [[2.0, 0.0, 1.4574], [4.0, 0.0, 1.4574]]
+    places = np.array([[[0.3, 0.2, 2 * R * k] for k in range(3)]] * m)
+    batch: Any = simulate_batch(scene(), places, velocities, max_events=50_000)
+    assert set(batch.status) == {"rest"}
+    assert not batch.heights.any()
+    assert (np.hypot(*(batch.positions[:, 0] - [0.3, 0.2]).T) > 0.1).all()
+
+
 @pytest.mark.parametrize(("speed", "expected"), [(2.6, True), (1.6, False)])
 def test_a_jump_shot_passes_over_a_ball_or_hits_it(speed, expected):
     struck = strike(scene(), speed, 0.0, elevation=math.radians(45))
@@ -330,8 +344,10 @@ def test_the_cue_does_not_drive_a_ball_above_the_cue_ball():
 
 def test_what_has_no_flight_is_refused():
     s = scene()
-    with pytest.raises(ValueError, match=r"fix = 'move_back' with physics\.flight = True"):
-        play([0, 0], [1.0, 0.0], engine=Engine("pit", 1 / 60, "move_back"))
+    for fix in FIXES:
+        refused = pytest.raises(ValueError, match=rf"fix = '{fix}' with physics\.flight = True")
+        with refused if TREATMENTS[fix].goes_back else nullcontext():
+            scene_fields(s, Engine("pit", 1 / 60, fix))
     with pytest.raises(ValueError, match="flights have no derivatives"):
         play([0, 0], [1.0, 0.0]).sensitivity()
     with pytest.raises(ValueError, match="expected equal balls"):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
+from billiards_env.drawing.recording import recording_of
 from billiards_env.engine.orientation import ERROR, VISIBLE, matrices, product
 from tests.helpers.shots import simulate
 
@@ -38,7 +39,7 @@ def test_a_ball_that_rolls_straight_turns_by_its_path_over_its_radius():
     direction = np.array([0.6, 0.8])
     spin = np.array([-0.8, 0.6, 0.0]) / radius
     shot = simulate(scene, [[-0.8, -0.5]], 0.4 * direction, spins=0.4 * spin, record=True)
-    turns = shot.recording().turning()
+    turns = recording_of(shot).turning()
     assert (turns.lasts > 1e-9).sum() == 1  # one step for the roll
     for t in np.linspace(0.0, shot.time, 30):
         angle = np.hypot(*(shot.at(t)[0] - shot.at(0.0)[0])) / radius
@@ -49,7 +50,7 @@ def test_a_ball_that_rolls_straight_turns_by_its_path_over_its_radius():
 def test_a_spin_about_the_vertical_axis_turns_by_its_integral():
     scene = Scene.named("pool", 0)
     shot = simulate(scene, [[0.0, 0.0]], [0.0, 0.0], spins=[0.0, 0.0, 50.0], record=True)
-    turns = shot.recording().turning()
+    turns = recording_of(shot).turning()
     for t in np.linspace(0.0, shot.time, 20):
         angle = 50.0 * t - 5.0 * t * t
         assert distance(turns.at(t)[0], [math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2)]) < 1e-11
@@ -61,9 +62,9 @@ def test_the_angular_velocity_agrees_with_the_slip():
     scene = Scene.named("pool", 0)
     shot = simulate(scene, [[-0.8, 0.0]], [2.0, 0.0], spins=[30.0, -40.0, 20.0], record=True)
     (end,) = shot.events["time"][shot.events["kind"] == "sliding_rolling"][:1]
-    turns, radius = shot.recording().turning(), scene.balls.radius[0]
+    turns, radius = recording_of(shot).turning(), scene.balls.radius[0]
     assert turns.spins(0, [0.0])[0] == pytest.approx([30.0, -40.0, 20.0])
-    paths = shot.recording().trajectory
+    paths = recording_of(shot).trajectory
     velocity = paths.velocity[0] + end * paths.acceleration[0]
     wx, wy, wz = turns.spins(0, [end])[0]
     assert (wx, wy) == pytest.approx((-velocity[1] / radius, velocity[0] / radius))
@@ -76,7 +77,7 @@ def test_the_error_of_an_orientation_is_below_the_limit():
     turns, ends = [], []
     for *velocity, spins in ((0.9, 0, (0, -60, 80)), (1.2, 0.3, (-120, -30, 60)), (0.5, 0, (3, 17, -15))):
         shot = simulate(scene, [[-0.5, 0.0]], velocity, spins=spins, record=True)
-        recording = shot.recording()
+        recording = recording_of(shot)
         turns.append(recording.turning())
         ends.append(min(recording.trajectory.duration[0], abs(spins[2]) / 10))
         rough = recording.turning(error=VISIBLE)
@@ -94,7 +95,7 @@ def test_steps_do_not_change_the_orientations_of_a_break():
     rng = np.random.default_rng(1)
     places = np.column_stack((np.linspace(-1.1, 1.1, 16), rng.uniform(-0.5, 0.5, 16)))
     shot = simulate(scene, places, rng.normal(size=(16, 2)) * 2, spins=rng.normal(size=(16, 3)) * 30, record=True)
-    recording = shot.recording()
+    recording = recording_of(shot)
     fine, finest = recording.turning(), recording.turning(error=1e-11)
     assert len(finest.start) > 1.5 * len(fine.start)
     pieces = np.bincount(recording.trajectory.ball).max()
@@ -107,7 +108,7 @@ def test_orientations_continue_from_given_ones():
     scene = Scene.named("pool", 1)
     shot = simulate(scene, [[-0.5, 0.0], [0.5, 0.3]], [0.5, 0.1], record=True)
     start = np.array([[0.5, 0.5, 0.5, 0.5], [0.0, 0.0, 1.0, 0.0]])
-    one, two = (shot.recording().turning(faces).at(0.7) for faces in (start, None))
+    one, two = (recording_of(shot).turning(faces).at(0.7) for faces in (start, None))
     assert distance(one, product(two, start)).max() < 1e-9
     assert one[1].tolist() == start[1].tolist()
 

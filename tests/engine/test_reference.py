@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.reference.oracle import run
+from benchmarks.reference.oracle import reference_shot
 from benchmarks.reference.stress import families
 from billiards_env import Scene
 from billiards_env.derivatives.shot_derivatives import UNIT_ROUNDOFF
@@ -72,7 +72,7 @@ def agrees(scene, places, start, spins, horizon=None):
     moved = simulate(scene, places + nudge, start, spins=spins, max_time=horizon)
     if np.abs(moved.positions - shot.positions).max() > 1e3 * NUDGE or shot.n_contact_rule:
         return None
-    exact = run(scene, places, start, spins, max_time=horizon, digits=40)
+    exact = reference_shot(scene, places, start, spins, max_time=horizon, digits=40)
     assert kinds(shot) == [(e.kind, e.ball, e.other) for e in exact.events]
     assert shot.events["time"] == pytest.approx([float(e.time) for e in exact.events], abs=1e-11)
     positions, velocities = np.array(exact.positions, float), np.array(exact.velocities, float)
@@ -121,7 +121,7 @@ def test_random_frictional_shots_have_the_error_of_their_condition(name):
         shot = simulate(scene, places, start, spins=spins, record=True)
         condition = shot.sensitivity().condition
         if condition < 1e6:
-            exact = run(scene, places, start, spins, digits=40)
+            exact = reference_shot(scene, places, start, spins, digits=40)
             assert kinds(shot) == [(e.kind, e.ball, e.other) for e in exact.events]
             error = np.abs(shot.positions - np.array(exact.positions, float)).max()
             ratios.append(error / (UNIT_ROUNDOFF * condition))

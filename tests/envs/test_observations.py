@@ -51,7 +51,7 @@ def test_distances_and_directions(shots):
     np.testing.assert_allclose(seen["balls_to_pockets"], expected, atol=1e-6)
 
 
-def is_free(start, end, ball, target, envs):
+def is_clear_path(start, end, ball, target, envs):
     """Returns whether a ball meets no ball but the target on lines (m, 2) from start to end."""
     positions, lying, radius = envs.positions, ~envs.potted, np.array(envs.single_env.scene.balls.radius)
     to_end, to_balls = (end - start)[:, None], positions - start[:, None]
@@ -67,11 +67,11 @@ def test_straight_lines_without_an_obstacle(shots):
     for i in range(1, 6):
         way = positions[:, i] - positions[:, 0]
         touch = 2 * np.sqrt(radius[0] * radius[i]) / np.linalg.norm(way, axis=1, keepdims=True).clip(1e-9)
-        expected = is_free(positions[:, 0], positions[:, i] - touch * way, 0, i, envs) & ~envs.potted[:, i]
+        expected = is_clear_path(positions[:, 0], positions[:, i] - touch * way, 0, i, envs) & ~envs.potted[:, i]
         assert np.array_equal(seen["free_to_balls"][:, i - 1], expected)
         assert 50 < expected.sum() < 350
         for p, pocket in enumerate(pockets_of(envs)):
-            expected = is_free(positions[:, i], np.broadcast_to(pocket, (400, 2)), i, i, envs)
+            expected = is_clear_path(positions[:, i], np.broadcast_to(pocket, (400, 2)), i, i, envs)
             assert np.array_equal(seen["free_to_pockets"][:, i - 1, p], expected)
 
 

@@ -13,9 +13,10 @@ from gymnasium.utils.env_checker import check_env
 
 from billiards_env import billiards_v0
 from billiards_env import envs as billiards_envs
+from billiards_env.drawing.recording import recording_of
 from billiards_env.engine import run_shots_of
 from billiards_env.envs import RecordVideo, episodes, make_env
-from billiards_env.envs.rendering import FPS, RENDER_MODES
+from billiards_env.envs.billiards import FPS, RENDER_MODES
 from billiards_env.jit import Typed
 from billiards_env.shots import simulation
 from tests.helpers.environments import same
@@ -133,7 +134,7 @@ def test_the_frames_are_those_of_the_shots_with_texts(kwargs, positions, speeds,
 
     def add(shot, *texts):
         circles = [(*goal, 0.2) for goal in env.goals.tolist()]
-        film = canvas.film(shot.recording(), FPS, *texts, circles=circles)
+        film = canvas.film(recording_of(shot), FPS, *texts, circles=circles)
         films.extend(pixels(frame) for frame in film)
         assert np.array_equal(single.render(), films[-1])
 

@@ -98,7 +98,7 @@ def test_copies_of_an_environment_try_shots_of_their_own():
     expected = env.try_actions(actions)
     twin = copy.deepcopy(env)
     same(twin.try_actions(actions), expected)
-    same(pickle.loads(pickle.dumps(env._trials)).play(actions, env.get_state()[None], None, None, 1), expected)
+    same(pickle.loads(pickle.dumps(env._trials)).try_actions(actions, env.get_state()[None], None, None, 1), expected)
 
 
 def test_an_episode_that_has_not_begun_or_is_over_is_refused():

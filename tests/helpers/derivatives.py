@@ -8,7 +8,7 @@ from unittest import mock
 import mpmath
 import numpy as np
 
-from benchmarks.reference.oracle import run
+from benchmarks.reference.oracle import reference_shot
 from benchmarks.reference.oracle.laws import World
 from billiards_env import Scene, simulate
 from billiards_env.scene import Balls, Physics, Table, ball_friction, layouts
@@ -126,7 +126,7 @@ def directional_differences(scene, start, name, tangent, max_time):
             if name in values:
                 values[name] = values[name] + exact(tangent) * step
             with changed_world(change):
-                shot = run(scene, *values.values(), max_time=max_time)
+                shot = reference_shot(scene, *values.values(), max_time=max_time)
             events = sorted(shot.events, key=lambda e: e.ball)  # those of one ball keep their order
             pieces = [min(shot.segments[e.ball], key=lambda piece, e=e: abs(piece.start - e.time)) for e in events]
             differences = {

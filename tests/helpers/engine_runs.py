@@ -29,7 +29,7 @@ def run(run_shots, shots, record=False, max_time=None, max_events=MAX_EVENTS, dt
 ORDINARY = [
     name
     for name in families.FAMILIES
-    if not name.startswith(("wild", "real", "7-foot", "snooker", "jaws", "jump", "rain"))
+    if not name.startswith(("wild", "real", "7-foot", "snooker", "jaws", "jump", "rain", "stacks", "wedges"))
 ]
 
 CELL_GRID, PLAIN = pic.run_shots_of_many, plain.run_shots

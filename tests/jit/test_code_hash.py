@@ -189,7 +189,7 @@ def test_laws_that_change_places_change_the_hash():
 
 
 def test_fixes_that_change_places_change_the_hash():
-    kernels = [fix.in_corner for fix in overlaps._FIXES.values()]
+    kernels = [fix.kernels.in_corner for fix in overlaps.TREATMENTS.values()]
     one, other = overlaps._choice(kernels), overlaps._choice(exchanged(kernels, 0, 1))
     assert code_hash(getattr(one, "py_func", one)) != code_hash(getattr(other, "py_func", other))
 

@@ -92,7 +92,7 @@ def test_each_player_has_a_label(make_model):
 
 
 def test_a_replay_shows_the_engines(make_model):
-    model = actions.replay(actions.go(make_model(positions=EIGHT[:3])))
+    model = actions.repeat(actions.go(make_model(positions=EIGHT[:3])))
     assert labels.key_hint(model).startswith("balls: PIC   rings: PIT, dt = 1/60 s")
     assert labels.key_hint(actions.toggle(model, "ghost")).startswith("balls: PIC   continue")
 

@@ -7,6 +7,7 @@ import pytest
 
 from billiards_env import Scene, strike
 from billiards_env.drawing.pace import PACES, faster, slower
+from billiards_env.drawing.recording import recording_of
 from billiards_env.engine import PIC, Engine
 from billiards_env.games import NO_CALL, Call, History, Setup, Stroke, custom_opening, play, to_dict
 from billiards_env.games.placement import placement_area
@@ -83,7 +84,7 @@ def test_the_arrow_follows_the_mouse(make_model):
 
 def test_inputs_that_do_not_apply_have_no_effect(make_model):
     aiming = make_model(positions=STRAIGHT)
-    for inputs in ((actions.move_to, (0.0, 0.0)), actions.place, actions.undo, actions.replay):
+    for inputs in ((actions.move_to, (0.0, 0.0)), actions.place, actions.undo, actions.repeat):
         assert after(aiming, inputs) is aiming
     placing = make_model("nine_ball")
     for inputs in ((actions.turn_aim, 1.0), (actions.change_speed, 1.0), (actions.look_at, (0.0, 0.0))):
@@ -243,7 +244,7 @@ def test_undo_returns_to_the_last_shot_of_a_person(make_model):
 def test_a_replay_shows_the_shot_of_the_other_engine(make_model, engine, ghost):
     model = after(make_model(positions=STRAIGHT, engine=engine), (actions.turn_aim, 1.0), actions.go, actions.go)
     before = model.aim.angle, model.phase
-    model = after(model, actions.replay)
+    model = after(model, actions.repeat)
     shot, comparison = model.shown_shots
     velocity = model.strokes[0].velocity
     expected = simulate(model.setup.scene, STRAIGHT, velocity, engine=ghost)
@@ -255,7 +256,7 @@ def test_a_replay_shows_the_shot_of_the_other_engine(make_model, engine, ghost):
     assert tick(model, 1e9).clock == max(shot.time, comparison.time)
     back = after(tick(model, 1e9), actions.go)
     assert (back.aim.angle, back.phase) == before
-    assert after(tick(model, 1.0), actions.replay).clock == 0.0
+    assert after(tick(model, 1.0), actions.repeat).clock == 0.0
 
 
 def test_slower_and_faster_change_the_pace(make_model):
@@ -268,7 +269,7 @@ def test_slower_and_faster_change_the_pace(make_model):
 def test_nothing_changes_while_nothing_moves(make_model):
     model = make_model(positions=STRAIGHT)
     assert tick(model, 1.0) is model
-    end = tick(after(model, actions.go, actions.go, actions.replay), 1e9)
+    end = tick(after(model, actions.go, actions.go, actions.repeat), 1e9)
     assert end.phase == "replaying"
     assert tick(end, 1.0) is end
     helped = after(model, actions.go, (actions.toggle_page, "keys"))
@@ -282,8 +283,8 @@ def test_a_game_that_is_over_has_no_further_shot(make_model):
     assert model.phase == "over"
     assert model.game.state.winner == 0
     assert after(model, actions.go) is model
-    assert after(model, actions.replay).phase == "replaying"
-    assert after(model, actions.replay, actions.go).phase == "over"
+    assert after(model, actions.repeat).phase == "replaying"
+    assert after(model, actions.repeat, actions.go).phase == "over"
     assert after(model, actions.undo).phase == "aiming"
 
 
@@ -365,7 +366,7 @@ def test_the_aim_for_a_stroke_is_that_stroke(make_model):
         np.testing.assert_allclose(aimed.stroke.spin, stroke.spin, atol=1e-9)
         played = shoot(model, stroke)
         assert (played.phase, played.aim) == ("rolling", aimed.aim)  # the controls show the stroke of a program
-        assert after(played, actions.go, actions.replay).aim == aimed.aim
+        assert after(played, actions.go, actions.repeat).aim == aimed.aim
     assert actions.aim_like(actions.go(aimed), stroke).phase == "rolling"
 
 
@@ -373,7 +374,7 @@ def test_a_raised_cue_makes_the_ball_hop_in_a_scene_with_flight():
     setup = Setup("straight", Scene.named("jump_pool", 2))
     model = begin(History(setup, custom_opening(setup, STRAIGHT), ()), ("human",) * 2, 8.0, 1 / 60)
     played = after(model, (actions.look_at, (0.4, 0.3)), (actions.raise_cue, 40.0), actions.go)
-    assert np.ptp(played.last_shot.shot.recording().heights(0, np.linspace(0, 0.1, 50))) > 0.01
+    assert np.ptp(recording_of(played.last_shot.shot).heights(0, np.linspace(0, 0.1, 50))) > 0.01
     again = begin(played.history, model.players, 8.0, 1 / 60)
     assert same(played, again)
-    assert after(played, actions.go, actions.replay).shown_shots[1].heights is not None
+    assert after(played, actions.go, actions.repeat).shown_shots[1].heights is not None

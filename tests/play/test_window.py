@@ -20,7 +20,7 @@ from billiards_env.drawing.pace import slower
 from billiards_env.games import History, Setup, Stroke, custom_opening, records
 from billiards_env.play import labels
 from billiards_env.play import model as act
-from billiards_env.play.model import begin, change_pace, go, replay, shoot, tick, toggle, turn_aim
+from billiards_env.play.model import begin, change_pace, go, repeat, shoot, tick, toggle, turn_aim
 from billiards_env.play.panel import place_controls
 from billiards_env.play.view import View, _row
 from billiards_env.play.window import GameWindow
@@ -546,7 +546,7 @@ WHITE, YELLOW = (255, 255, 255), (246, 199, 20)
 
 
 def test_the_ghost_is_visible_in_a_replay(make_model):
-    model = tick(replay(go(go(turn_aim(make_model(positions=BALLS), 1.0)))), 3.0)
+    model = tick(repeat(go(go(turn_aim(make_model(positions=BALLS), 1.0)))), 3.0)
     view = View(model.setup.scene, 640)
     with_ghost = pixels(view.draw(model))
     without = pixels(view.draw(toggle(model, "ghost")))

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mpf
 
-from benchmarks.reference.oracle import OracleShot, RestingContactError, contact, laws, run
+from benchmarks.reference.oracle import OracleShot, RestingContactError, contact, laws, reference_shot
 from benchmarks.reference.oracle.outline import Arc, walls_of
 from benchmarks.reference.oracle.roots import Real, first_entry, first_possible_entry, real_roots
 from benchmarks.reference.stress.scenes import R, ideal
@@ -120,7 +120,7 @@ def test_a_ball_that_slides_to_a_halt_stops_without_rolling():
     scene = Scene(Balls((R,), (0.17,)), Table(64, 64))
     # u = 7/2 v is used up when v is, up to rounding
     vx, vy = mpf(1) / 3, mpf(2) / 7
-    shot = run(scene, [[0.0, 0.0]], [vx, vy], [vy * 5 / (2 * R), -vx * 5 / (2 * R), mpf(0)])
+    shot = reference_shot(scene, [[0.0, 0.0]], [vx, vy], [vy * 5 / (2 * R), -vx * 5 / (2 * R), mpf(0)])
     assert kinds(shot) == [("rolling_rest", 0, -1)]
 
 
@@ -129,7 +129,7 @@ def test_a_ball_that_slides_to_a_halt_stops_without_rolling():
 
 def test_a_ball_stopped_by_an_impact_rests_for_every_direction():
     vx, vy = mpf(1) / 3, mpf(2) / 7
-    shot = run(ideal(1.0, 1.0), [[-vx, -vy], [mpf(0), mpf(0)]], [vx, vy], max_time=2.0)
+    shot = reference_shot(ideal(1.0, 1.0), [[-vx, -vy], [mpf(0), mpf(0)]], [vx, vy], max_time=2.0)
     assert kinds(shot) == [("ball_ball", 0, 1)]
     assert shot.velocities[0] == (0, 0)
     assert shot.segments[0][-1].phase == "rest"
@@ -138,7 +138,7 @@ def test_a_ball_stopped_by_an_impact_rests_for_every_direction():
 def test_balls_with_an_overlap_of_rounding_size_meet_again():
     # They part by 2.5e-17 m before the top spin brings the ball back.
     scene = Scene(Balls((R, R), (0.17, math.inf)), Table(64, 64))
-    shot = run(scene, [[1e-13 - 2 * R, 0.0], [0.0, 0.0]], [-1e-8, 0.0], [0.0, 100.0, 0.0], max_events=1)
+    shot = reference_shot(scene, [[1e-13 - 2 * R, 0.0], [0.0, 0.0]], [-1e-8, 0.0], [0.0, 100.0, 0.0], max_events=1)
     assert kinds(shot) == [("ball_ball", 0, 1)]
     assert close(shot.time, 2 * mpf(1e-8) / (mpf(0.2) * mpf(9.81)))
 
@@ -149,7 +149,7 @@ def test_balls_with_an_overlap_of_rounding_size_meet_again():
 def test_a_dead_han_cushion_leaves_no_speed_into_it():
     physics = Physics(mu_slide=1e-9, e_cushion=0.0)
     scene = Scene(Balls((R,), (0.17,)), Table(4.0, 4.0, cushion_height=0.04), physics)
-    shot = run(scene, [[0.0, 0.0]], [2.0, 1.0], [0.0, -200.0, 0.0], max_events=1)
+    shot = reference_shot(scene, [[0.0, 0.0]], [2.0, 1.0], [0.0, -200.0, 0.0], max_events=1)
     assert kinds(shot) == [("cushion", 0, 1)]
     assert shot.velocities[0][0] == 0
 
@@ -178,7 +178,7 @@ def test_a_frozen_rack_is_mirrored_exactly_and_keeps_momentum_and_energy():
     rows = [(r, c - r / mpf(2)) for r in range(5) for c in range(r + 1)]
     rack = [(mpmath.sqrt(3) * R * r, 2 * R * c) for r, c in rows]
     scene = ideal(*[1.0] * 16, length=64.0, width=64.0)
-    shot = run(scene, [(mpf(-1), mpf(0)), *rack], [1.0, 0.0], max_time=1.5)
+    shot = reference_shot(scene, [(mpf(-1), mpf(0)), *rack], [1.0, 0.0], max_time=1.5)
     mirror = [0, *(1 + rows.index((r, -c)) for r, c in rows)]
     assert close(shot.velocities, [(shot.velocities[k][0], -shot.velocities[k][1]) for k in mirror])
     assert close([sum(axis) for axis in zip(*shot.velocities, strict=True)], (1, 0))
@@ -192,7 +192,7 @@ def test_a_gas_conserves_momentum_and_energy_and_is_reversible():
     rng = np.random.default_rng(1)
     scene = ideal(1.0, 2.0, 0.5, 1.0, 3.0, length=0.5, width=0.5, max_time=4.0)
     places, velocities = layouts.draw("random", scene, rng), rng.normal(size=(5, 2))
-    shot = run(scene, places, velocities)
+    shot = reference_shot(scene, places, velocities)
     assert len(kinds(shot, "ball_ball")) > 20
     start = energy(scene, shot, 0)
     for event in shot.events:
@@ -205,7 +205,7 @@ def test_a_gas_conserves_momentum_and_energy_and_is_reversible():
                     before = shot.segments[i][shot.segments[i].index(after) - 1]
                     change += mpf(scene.balls.mass[i]) * (after.velocity[axis] - before.velocity[axis])
                 assert close(change, 0)
-    back = run(scene, shot.positions, [(-x, -y) for x, y in shot.velocities])
+    back = reference_shot(scene, shot.positions, [(-x, -y) for x, y in shot.velocities])
     assert close(back.positions, [[mpf(float(x)) for x in row] for row in places], 20)
 
 
@@ -213,10 +213,10 @@ def test_the_float_filter_does_not_change_a_shot(monkeypatch):
     rng = np.random.default_rng(3)
     scene = Scene.named("pool", 5)
     places, velocity = layouts.draw("random", scene, rng), [2.5, 1.5]
-    filtered = run(scene, places, velocity, [0.0, 0.0, 30.0])
+    filtered = reference_shot(scene, places, velocity, [0.0, 0.0, 30.0])
     for name in ("possible_pair_contact", "possible_wall_contact", "possible_pocket_contact"):
         monkeypatch.setattr(contact, name, lambda *_: 0.0)
-    plain = run(scene, places, velocity, [0.0, 0.0, 30.0])
+    plain = reference_shot(scene, places, velocity, [0.0, 0.0, 30.0])
     assert kinds(filtered) == kinds(plain)
     assert close([e.time for e in filtered.events], [e.time for e in plain.events])
     assert close(filtered.positions, plain.positions)
@@ -226,7 +226,7 @@ def test_more_digits_change_only_the_last_ones():
     rng = np.random.default_rng(4)
     scene = Scene.named("pool", 15)
     places = layouts.draw("random", scene, rng)
-    coarse, fine = (run(scene, places, [-9.0, 3.0], digits=digits) for digits in (50, 100))
+    coarse, fine = (reference_shot(scene, places, [-9.0, 3.0], digits=digits) for digits in (50, 100))
     assert kinds(coarse) == kinds(fine)
     assert len(kinds(coarse, "ball_ball")) > 5
     assert close(coarse.positions, fine.positions, 40)
@@ -238,19 +238,19 @@ def test_more_digits_change_only_the_last_ones():
 def test_limits_on_events_and_impacts():
     scene = ideal(1.0, 1.0, length=2.0)
     arguments = scene, [[0.0, 0.0], [0.5, 0.0]], [1.0, 0.0]
-    assert run(*arguments, max_events=2).status == "event_limit"
-    assert len(run(*arguments, max_events=2).events) == 2
-    stopped = run(*arguments, stop_after=2)
+    assert reference_shot(*arguments, max_events=2).status == "event_limit"
+    assert len(reference_shot(*arguments, max_events=2).events) == 2
+    stopped = reference_shot(*arguments, stop_after=2)
     assert stopped.status == "stopped"
     assert kinds(stopped) == [("ball_ball", 0, 1), ("cushion", 1, 1), ("ball_ball", 0, 1)]
     assert stopped.time == stopped.events[-1].time
-    short = run(*arguments, max_time=0.25)
+    short = reference_shot(*arguments, max_time=0.25)
     assert (short.status, short.time, short.events) == ("max_time", mpf("0.25"), [])
     assert close(short.positions[0], (0.25, 0))
 
 
 def test_positions_at_any_time():
-    shot = run(ideal(1.0, 1.0), [[-1.0, 0.0], [0.0, 0.0]], [2.0, 0.0], max_time=2.0)
+    shot = reference_shot(ideal(1.0, 1.0), [[-1.0, 0.0], [0.0, 0.0]], [2.0, 0.0], max_time=2.0)
     assert shot.positions_at(0.25)[0] == (mpf("-0.5"), 0)
     assert shot.positions_at(2.0) == shot.positions_at(5.0) == shot.positions
     with pytest.raises(ValueError, match="time"):
@@ -263,7 +263,7 @@ def test_resting_contact_is_refused(e_ball, gap):
     scene = Scene(Balls((R, R), (0.17, math.inf)), Table(64, 64), Physics(e_ball=e_ball))
     speed = 1.0 if gap else 0.0
     with pytest.raises(RestingContactError, match="ball 0 presses against body 1") as error:
-        run(scene, [[-2 * R - gap, 0.0], [0.0, 0.0]], [speed, 0.0], [0.0, 200.0, 0.0])
+        reference_shot(scene, [[-2 * R - gap, 0.0], [0.0, 0.0]], [speed, 0.0], [0.0, 200.0, 0.0])
     assert error.value.shot.status == "resting_contact"
     assert len(kinds(error.value.shot, "ball_ball")) == (1 if gap else 0)
 
@@ -271,13 +271,13 @@ def test_resting_contact_is_refused(e_ball, gap):
 def test_pressing_against_a_cushion_is_refused():
     scene = Scene(Balls((R,), (0.17,)), Table(2.0, 2.0), Physics(cushion="restitution"))
     with pytest.raises(RestingContactError, match="presses"):
-        run(scene, [[1 - R, 0.0]], [0.0, 0.0], [0.0, 50.0, 0.0])
+        reference_shot(scene, [[1 - R, 0.0]], [0.0, 0.0], [0.0, 50.0, 0.0])
 
 
 def test_accumulating_bounces_end_in_resting_contact():
     scene = Scene(Balls((R,), (0.17,)), Table(2.0, 2.0), Physics(cushion="restitution", e_cushion=0.5))
     with pytest.raises(RestingContactError, match="presses") as error:
-        run(scene, [[0.5, 0.0]], [0.5, 0.0], [0.0, 900.0, 0.0])
+        reference_shot(scene, [[0.5, 0.0]], [0.5, 0.0], [0.0, 900.0, 0.0])
     assert 50 < len(kinds(error.value.shot, "cushion")) < 200
 
 
@@ -301,7 +301,7 @@ WRONG = [
 @pytest.mark.parametrize(("start", "message"), WRONG)
 def test_bad_input_is_refused(start, message):
     with pytest.raises(ValueError, match=message):
-        run(*start)
+        reference_shot(*start)
 
 
 def test_a_ball_in_the_air_touches_the_nose_of_a_tip():
@@ -309,7 +309,7 @@ def test_a_ball_in_the_air_touches_the_nose_of_a_tip():
     radius, height = scene.balls.radius[0], scene.table.cushion_height - scene.balls.radius[0]
     tip = next(wall for wall in walls_of(scene.table) if isinstance(wall, Arc) and wall.center[0] > 1)
     x, y = (float(c) for c in tip.center)
-    shot = run(scene, [[x - 0.142, y + 0.049, 0.02]], [[2.0, -0.7, 0.3]], [1.0, 2.0, 3.0], max_events=1)
+    shot = reference_shot(scene, [[x - 0.142, y + 0.049, 0.02]], [[2.0, -0.7, 0.3]], [1.0, 2.0, 3.0], max_events=1)
     ((kind, _, number),) = kinds(shot)
     ((x, y, z),) = shot.positions_at(shot.time)
     assert (kind, walls_of(scene.table)[number]) == ("cushion", tip)

@@ -72,7 +72,7 @@ def test_what_a_wheel_is_compiled_for_are_parts(monkeypatch, setup_file):
 
 def test_a_command_that_fails_is_reported_with_its_errors():
     with pytest.raises(RuntimeError, match=r"(?s)-c 1/0:.*ZeroDivisionError"):
-        dist.run(sys.executable, "-c", "1/0")
+        dist.output_of(sys.executable, "-c", "1/0")
 
 
 @pytest.mark.parametrize("used", [True, False])
@@ -86,7 +86,7 @@ def test_a_wheel_is_rejected_if_its_code_is_not_used_or_gives_other_results(tmp_
             (Path(environment["NUMBA_CACHE_DIR"]) / "f.nbc").touch()
         return "1" if "BILLIARDS_ENV_COMPILE" in environment else "0"
 
-    monkeypatch.setattr(dist, "run", run)
+    monkeypatch.setattr(dist, "output_of", run)
     monkeypatch.setattr(dist, "install", lambda wheel, folder: Path(sys.executable))
     with pytest.raises(RuntimeError, match="the same results" if used else "machine code of all"):
         dist.try_wheel(Path("x.whl"), tmp_path, 1)

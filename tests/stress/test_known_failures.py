@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.reference import oracle
 from benchmarks.reference.stress import families
-from benchmarks.reference.stress.scenes import R, kinds, rough, run
+from benchmarks.reference.stress.scenes import R, checked_shot, kinds, rough
 from billiards_env.physics.geometry.contact import circle_time
 from billiards_env.physics.motion import Path
 
@@ -15,24 +15,24 @@ from billiards_env.physics.motion import Path
 @pytest.mark.parametrize("motion", ["rolling", "sliding"])
 def test_balls_ten_centimetres_apart_do_not_collide_at_time_0(motion):
     scene = rough(1.0, 1.0, motion=motion)
-    shot = run(scene, [[0.0, 0.0], [0.1 + 2 * R, 0.0]], [1.0, 0.0])
+    shot = checked_shot(scene, [[0.0, 0.0], [0.1 + 2 * R, 0.0]], [1.0, 0.0])
     assert shot.events is not None
     first = shot.events[shot.events["kind"] == "ball_ball"][0]
     assert first["time"] > 0.1
-    away = run(scene, [[0.0, 0.0], [0.1 + 2 * R, 0.0]], [-0.3, 0.0])
+    away = checked_shot(scene, [[0.0, 0.0], [0.1 + 2 * R, 0.0]], [-0.3, 0.0])
     assert kinds(away, "ball_ball") == []
 
 
 def test_a_fast_rolling_ball_hits_a_slow_one_once():
     scene = rough(1.0, 1.0, motion="rolling", length=100.0, e_ball=1.0)
-    shot = run(scene, [[0.0, 0.0], [0.5, 0.0]], [[1.0, 0.0], [0.5, 0.0]])
+    shot = checked_shot(scene, [[0.0, 0.0], [0.5, 0.0]], [[1.0, 0.0], [0.5, 0.0]])
     assert kinds(shot, "ball_ball") == [("ball_ball", 0, 1)]
 
 
 @pytest.mark.parametrize("rack", ["loose", "tight"])
 def test_two_hundred_breaks_end(rack):
     """In another simulator one in two hundred does not end."""
-    result = families.run(f"15-ball break, {rack} rack", seed=7, shots=200)
+    result = families.check_family(f"15-ball break, {rack} rack", seed=7, shots=200)
     assert result["bad"] == []
     assert result["most_events"] < 20_000
 
@@ -40,7 +40,7 @@ def test_two_hundred_breaks_end(rack):
 @pytest.mark.slow
 def test_a_ball_that_a_spinning_ball_wedges_into_a_corner_comes_to_rest():
     """The spin lasts for 414 s. Before, the shot had ten million impacts in seven seconds and did not end."""
-    result = families.run("wild outlines", seed=1155, shots=50)
+    result = families.check_family("wild outlines", seed=1155, shots=50)
     assert result["bad"] == []
     assert result["most_events"] < 2_000_000
 
@@ -49,7 +49,7 @@ def test_a_ball_that_a_spinning_ball_wedges_into_a_corner_comes_to_rest():
 @pytest.mark.parametrize("offset", [0.0, 0.5, 0.99])
 def test_a_fast_ball_does_not_pass_through_another(speed, offset):
     scene = rough(1.0, 1.0, length=20.0, e_ball=1.0)
-    shot = run(scene, [[-1.0, 2 * R * offset], [0.0, 0.0]], [speed, 0.0])
+    shot = checked_shot(scene, [[-1.0, 2 * R * offset], [0.0, 0.0]], [speed, 0.0])
     assert kinds(shot, "ball_ball")[:1] == [("ball_ball", 0, 1)]
 
 
@@ -57,7 +57,7 @@ def test_a_ball_does_not_pass_through_a_column_of_balls():
     scene = rough(*[1.0] * 12, width=11 * 2 * R + 1e-3, length=6.0, e_ball=1.0)
     column = [[0.0, (2 * R + 5e-5) * (k - 5)] for k in range(11)]
     for speed, y in itertools.product((1.0, 20.0), (0.0, R, 0.21)):
-        shot = run(scene, [[-2.0, y], *column], [speed, 0.0])
+        shot = checked_shot(scene, [[-2.0, y], *column], [speed, 0.0])
         assert shot.first_hit > 0
 
 
@@ -76,8 +76,8 @@ def test_balls_pressed_together_after_a_plastic_impact_do_not_overlap():
 def test_a_graze_on_a_curved_path_agrees_with_the_reference(short):
     scene = rough(1.0, 1.0)
     places, velocities, spins = [[-0.25, 2 * R * (1 - short)], [0.0, 0.0]], [2.0, 0.0], [0.0, 80.0, 0.0]
-    shot = run(scene, places, velocities, spins)
-    exact = oracle.run(scene, places, velocities, spins)
+    shot = checked_shot(scene, places, velocities, spins)
+    exact = oracle.reference_shot(scene, places, velocities, spins)
     assert kinds(shot) == [(e.kind, e.ball, e.other) for e in exact.events]
     final = [[float(x) for x in place] for place in exact.positions]
     assert shot.positions == pytest.approx(np.array(final), abs=1e-9)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.reference.stress import measure
-from benchmarks.reference.stress.scenes import R, ideal, kinds, run
+from benchmarks.reference.stress.scenes import R, checked_shot, ideal, kinds
 
 PI_DIGITS = [math.floor(math.pi * 10**k) for k in range(6)]
 
@@ -50,7 +50,7 @@ def test_ten_thousand_bounces_follow_the_unfolded_straight_line():
     room = np.array([2.0, 1.0]) - R
     # The number of bounces is the number of images of cushions that the line crosses.
     time = 10_000 / (velocity / (2 * room)).sum()
-    shot = run(scene, [start], velocity, max_time=time)
+    shot = checked_shot(scene, [start], velocity, max_time=time)
     line = start + velocity * time
     folded = np.abs((line + room) % (4 * room) - 2 * room) - room
     crossed = np.floor((line + room) / (2 * room)).sum()

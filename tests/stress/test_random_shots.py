@@ -13,7 +13,7 @@ from tests.helpers.engine_runs import ORDINARY
     "name", [*ORDINARY, *(name for name in families.FAMILIES if name.startswith(("jump", "rain")))]
 )
 def test_ordinary_shots_pass_all_checks(name):
-    result = families.run(name, seed=1, shots=20)
+    result = families.check_family(name, seed=1, shots=20)
     assert result["bad"] == []
     assert result["overlap"] <= checks.DEPTH
     assert result["outside"] <= checks.DEPTH
@@ -22,14 +22,14 @@ def test_ordinary_shots_pass_all_checks(name):
 
 @pytest.mark.parametrize("seed", range(40))
 def test_wild_shots_pass_all_checks(seed):
-    assert families.run("wild", seed, shots=5)["bad"] == []
+    assert families.check_family("wild", seed, shots=5)["bad"] == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(families.FAMILIES))
 def test_many_shots_pass_all_checks(name):
     for seed in range(10):
-        assert families.run(name, seed, shots=200)["bad"] == []
+        assert families.check_family(name, seed, shots=200)["bad"] == []
 
 
 @st.composite

@@ -31,7 +31,7 @@ def test_the_page_is_that_of_the_files():
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_a_sample_of_each_file_replays(path):
     one = bench.load(path).results[0]
-    again = bench.replay(one.task, one.seed, one.shots, one.actions)
+    again = bench.play_actions(one.task, one.seed, one.shots, one.actions)
     assert (again.success == one.success).all()
     assert (again.layouts, again.digest) == (one.layouts, one.digest)
 
@@ -78,7 +78,7 @@ def test_the_command_verifies_and_writes(tmp_path, monkeypatch, capsys):
     folder, output = tmp_path / "entries", tmp_path / "leaderboard.json"
     folder.mkdir()
     for player, tasks in (("random", BENCH_TASKS), ("geometric", BENCH_TASKS), ("search:20", BENCH_TASKS[:1])):
-        bench.save(folder / f"{player.replace(':', '-')}.json", bench.play(player, tasks, leaderboard.SEEDS))
+        bench.save(folder / f"{player.replace(':', '-')}.json", bench.play_tasks(player, tasks, leaderboard.SEEDS))
     arguments = ["--folder", str(folder), "--output", str(output), "--images", str(tmp_path)]
     main(arguments)
     assert (tmp_path / "leaderboard.png").read_bytes().startswith(b"\x89PNG")
@@ -88,7 +88,7 @@ def test_the_command_verifies_and_writes(tmp_path, monkeypatch, capsys):
     assert names == {"`geometric`", "`search:20` (replayed only)", "`random`"}
     assert blocks(content)["table"] in capsys.readouterr().out
 
-    bench.save(folder / "other.json", bench.play("random", BENCH_TASKS[:1], (0,)))
+    bench.save(folder / "other.json", bench.play_tasks("random", BENCH_TASKS[:1], (0,)))
     with pytest.raises(SystemExit, match=r"other\.json: Pot1-v0 with seeds \[0\]: expected some of"):
         main(arguments)
     text = (folder / "random.json").read_text()

@@ -79,7 +79,7 @@ def test_bench_verifies_the_other_files(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(benchmark, "EPISODES", 2)
     files = [tmp_path / "a.json", tmp_path / "b.json"]
     files[0].write_text("{}")
-    benchmark.save(files[1], benchmark.play("random", ["Pot1-v0"]))
+    benchmark.save(files[1], benchmark.play_tasks("random", ["Pot1-v0"]))
     with pytest.raises(SystemExit, match=r"^error: .*a\.json: "):
         command.main(["bench", "verify", *map(str, files)])
     assert capsys.readouterr().out.startswith(f"{files[1]}: accepted, random")

@@ -110,7 +110,7 @@ class CollapseError(OracleError):
     """The impacts at one instant have no end."""
 
 
-def run(
+def reference_shot(
     scene: Scene,
     positions: Rows,
     velocities: Rows,
@@ -154,9 +154,7 @@ def run(
             mpmath.inf if limit is None else mpmath.mpf(limit),
             digits,
         )
-        return table.play(
-            math.inf if max_events is None else max_events, math.inf if stop_after is None else stop_after
-        )
+        return table.run(math.inf if max_events is None else max_events, math.inf if stop_after is None else stop_after)
 
 
 def _rows(name: str, values: Rows, n: int, *widths: int) -> list[Vector]:
@@ -228,7 +226,7 @@ class _Table:
         self.lasts = [self.last(i) for i in range(scene.n_balls)]
         self.predict(range(scene.n_balls))
 
-    def play(self, max_events: float, stop_after: float) -> OracleShot:
+    def run(self, max_events: float, stop_after: float) -> OracleShot:
         """Runs from event to event until the shot ends."""
         standstill = 0
         while True:

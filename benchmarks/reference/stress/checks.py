@@ -81,6 +81,8 @@ time is out of order (0 or 1), whether the log was too short (0 or 1), the numbe
 changes of the momentum (kg m/s)."""
 N_FINDINGS = 10
 
+HEIGHT = 2  # the column of z, in arrays of places and of momenta
+
 ENERGY_RISE = 1e-12  # relative; larger rises must be acts of the contact-time rule
 DEPTH = 1e-12  # m; the largest overlap, and the largest distance beyond a cushion
 
@@ -201,7 +203,7 @@ def _beyond_noses(flight, x, y, z, radius, scene):
 
 
 @kernel
-def _check_positions(now, state, scene, xy, findings):
+def _check_positions(now, state, scene, places, findings):
     """Compares the positions of the balls at a `Time` with each other, the cushions, the pockets and the cloth."""
     numbers, radius, pockets = scene.numbers, scene.radius, scene.pockets
     for i in range(len(radius)):
@@ -210,7 +212,7 @@ def _check_positions(now, state, scene, xy, findings):
         (x, y, z), (vx, vy, vz) = _motion(state.flight, i, now, state, numbers)
         if not math.isfinite(x + y + vx + vy + z + vz):
             findings[BROKEN] = 1.0
-        xy[i, X], xy[i, Y], xy[i, 2] = x, y, z
+        places[i, X], places[i, Y], places[i, HEIGHT] = x, y, z
         if state.phase[i] == AIRBORNE:
             out = max(-z, _beyond_noses(state.flight, x, y, z, radius[i], scene))
         else:
@@ -222,8 +224,8 @@ def _check_positions(now, state, scene, xy, findings):
         findings[OUTSIDE] = max(findings[OUTSIDE], out)
         for j in range(i):
             if state.phase[j] != POTTED:
-                dx, dy, reach = x - xy[j, X], y - xy[j, Y], contact_distance(scene.spheres, radius, i, j)
-                dz = z - xy[j, 2]
+                dx, dy, reach = x - places[j, X], y - places[j, Y], contact_distance(scene.spheres, radius, i, j)
+                dz = z - places[j, HEIGHT]
                 if dx * dx + dy * dy + dz * dz < reach * reach:
                     findings[OVERLAP] = max(findings[OVERLAP], reach - norm(norm(dx, dy), dz))
 
@@ -235,7 +237,7 @@ def _check(log, scene, mass, acts, findings):
     n, radius = len(scene.radius), scene.radius
     state = empty_state(n, scene.flight)
     rows, phases = state.rows, state.phase
-    momenta, xy = np.empty((n, 3)), np.empty((n, 3))
+    momenta, places = np.empty((n, 3)), np.empty((n, 3))
     findings[:] = 0.0
     findings[OUTSIDE] = findings[OVERLAP] = -math.inf
     now, scale = Time(0.0, 0.0), 0.0
@@ -245,7 +247,7 @@ def _check(log, scene, mass, acts, findings):
         scale = max(scale, norm(rows[i, VX], rows[i, VY]), norm(rows[i, UX], rows[i, UY]), radius[i] * abs(rows[i, WZ]))
         (_, _, z), (_, _, vz) = _motion(state.flight, i, now, state, scene.numbers)
         scale = max(scale, abs(vz), math.sqrt(2.0 * scene.numbers.g * z))
-    _check_positions(now, state, scene, xy, findings)
+    _check_positions(now, state, scene, places, findings)
     if scale == 0.0:
         return
     if acts > 0:
@@ -259,10 +261,10 @@ def _check(log, scene, mass, acts, findings):
         if not now.hi >= previous:
             findings[BROKEN] = 1.0
         if now.hi > previous:
-            _check_positions(Time(0.5 * (now.hi + previous), 0.0), state, scene, xy, findings)
+            _check_positions(Time(0.5 * (now.hi + previous), 0.0), state, scene, places, findings)
         before = _energy(now, state, mass, scene, scale)
         for i in range(n):
-            _, (momenta[i, X], momenta[i, Y], momenta[i, 2]) = _motion(state.flight, i, now, state, scene.numbers)
+            _, (momenta[i, X], momenta[i, Y], momenta[i, HEIGHT]) = _motion(state.flight, i, now, state, scene.numbers)
         impacts_only, fixed = True, False
         while k < n_events and events[k, TIME] == now.hi and events[k, TIME_LO] == now.lo:
             impact = events[k, KIND] == BALL_BALL
@@ -294,14 +296,14 @@ def _check(log, scene, mass, acts, findings):
                 _, (vx, vy, vz) = _motion(state.flight, i, now, state, scene.numbers)
                 px += mass[i] * ((vx - momenta[i, X]) / scale)
                 py += mass[i] * ((vy - momenta[i, Y]) / scale)
-                pz += mass[i] * ((vz - momenta[i, 2]) / scale)
+                pz += mass[i] * ((vz - momenta[i, HEIGHT]) / scale)
                 total += mass[i] * (norm(vx / scale, vy / scale) + norm(momenta[i, X] / scale, momenta[i, Y] / scale))
-                total += mass[i] * (abs(vz) + abs(momenta[i, 2])) / scale
+                total += mass[i] * (abs(vz) + abs(momenta[i, HEIGHT])) / scale
             findings[DRIFT_X] += px * scale
             findings[DRIFT_Y] += py * scale
             if total > 0.0:
                 findings[MOMENTUM] = max(findings[MOMENTUM], norm(norm(px, py), pz) / total)
-        _check_positions(now, state, scene, xy, findings)
+        _check_positions(now, state, scene, places, findings)
     if not math.isfinite(energy):
         findings[BROKEN] = 1.0
 

@@ -96,6 +96,68 @@ def _rain_on_outline(rng: np.random.Generator, m: int) -> RandomShots | None:
     return _rain(dataclasses.replace(scene, table=table, physics=physics))(rng, m)
 
 
+def _closed_box(n_balls: int) -> Scene:
+    """Returns the scene of `_flying` without pockets."""
+    return _closed(_flying(Scene.named("pool", n_balls - 1)))
+
+
+def _blows(rng: np.random.Generator, m: int, n: int) -> tuple[Floats, Floats]:
+    """Returns velocities and spins of n balls, many of them zero. Balls move up more often than down."""
+    velocities = rng.normal(0.4, 1.0, (m, n, 3)) * rng.choice([0.0, 0.0, 1e-3, 1.0, 3.0], (m, n, 1))
+    velocities[..., :2] *= rng.choice([0.0, 1.0], (m, n, 1))
+    return velocities, rng.normal(0, 40, (m, n, 3)) * rng.choice([0.0, 1.0], (m, n, 1))
+
+
+def _stacks(tilts: tuple[float, float] | None) -> Callable[[np.random.Generator, int], RandomShots]:
+    """Returns shots at four balls that touch, of which three or four are above one another.
+
+    `tilts` are the least and the largest angle, rad, between a line of centres and the vertical; None for no angle.
+    """
+    scene = _closed_box(4)
+    reach = 2.0 * scene.balls.radius[0]
+
+    def shots(rng: np.random.Generator, m: int) -> RandomShots:
+        places = np.empty((m, 4, 3))
+        for k, balls in enumerate(rng.permuted(np.tile(np.arange(4), (m, 1)), axis=1)):
+            place = rng.uniform(-0.1, 0.1, 3) * rng.choice([0.0, 1.0], 3)
+            place[2] = rng.choice([0.0, 0.0, 0.05, 1e-9])
+            for ball in balls:
+                places[k, ball] = place
+                turn, tilt = rng.uniform(0, 2 * np.pi), 0.0 if tilts is None else np.exp(rng.uniform(*np.log(tilts)))
+                step = reach * np.array([np.cos(turn) * np.sin(tilt), np.sin(turn) * np.sin(tilt), np.cos(tilt)])
+                place = place + step + [0.0, 0.0, rng.choice([0.0, 0.0, 0.01])]
+            if rng.random() < 0.5:  # the top ball is on the cloth instead
+                turn = rng.uniform(0, 2 * np.pi)
+                places[k, balls[3]] = [*(places[k, balls[0], :2] + reach * np.array([np.cos(turn), np.sin(turn)])), 0.0]
+        return scene, places, *_blows(rng, m, 4)
+
+    return shots
+
+
+def _wedges(rng: np.random.Generator, m: int) -> RandomShots:
+    """Returns shots at a ball that touches the nose of a cushion and a ball on the cloth, which may touch the cushion.
+
+    A third ball is above it, and the fourth touches the ball on the cloth.
+    """
+    scene = _closed_box(4)
+    radius, height = scene.balls.radius[0], scene.table.cushion_height - scene.balls.radius[0]
+    frozen = 0.5 * scene.table.width - radius
+    nose, places = frozen + np.sqrt(radius**2 - height**2), np.empty((m, 4, 3))
+    for k, (high, top, low, other) in enumerate(rng.permuted(np.tile(np.arange(4), (m, 1)), axis=1)):
+        angle, x, side = rng.uniform(0.0, 1.5), rng.choice([0.0, 0.1]), rng.choice([-1, 1])
+        y, z = nose - radius * np.cos(angle), height + radius * np.sin(angle)
+        across = np.sqrt(4 * radius**2 - z**2)
+        least = np.arccos(min((frozen - y) / across, 1.0))  # the ball on the cloth touches the cushion or is below it
+        turn = rng.choice([least, rng.uniform(least, np.pi), np.pi])
+        lower = np.array([x + across * np.sin(turn), min(y + across * np.cos(turn), frozen)])
+        places[k, high] = x, y, z + rng.choice([0.0, 0.0, 0.01])
+        places[k, top] = places[k, high] + [0.0, 0.0, 2 * radius]
+        places[k, low] = *lower, 0.0
+        places[k, other] = lower[0] + 2 * radius, lower[1], 0.0
+        places[k, :, 1] *= side
+    return scene, places, *_blows(rng, m, 4)
+
+
 def _wild(rng: np.random.Generator, m: int) -> RandomShots | None:
     scene = draw.wild_scene(rng)
     shots = draw.wild_shots(scene, rng, m)
@@ -162,10 +224,13 @@ FAMILIES: dict[str, Callable[[np.random.Generator, int], RandomShots | None]] = 
     "jump shots, 3 object balls": _jumps(_flying(Scene.named("pool", 3))),
     "rain of 6 balls": _rain(_flying(Scene.named("pool", 5))),
     "rain of 6 balls with jaws": _rain_on_outline,
+    "stacks, exact": _stacks(None),
+    "stacks, leaning": _stacks((1e-17, 0.2)),
+    "wedges at a nose": _wedges,
 }
 
 
-def run(name: str, seed: int, shots: int) -> dict[str, Any]:
+def check_family(name: str, seed: int, shots: int) -> dict[str, Any]:
     """Runs shots of a family and checks every event of each.
 
     Returns:

@@ -35,7 +35,7 @@ def rough(*masses: float, length: float = 4.0, width: float = 2.0, **physics: An
     return Scene(Balls((R,) * len(masses), masses), Table(length, width, 1.2 * R), Physics(**laws))
 
 
-def run(scene: Scene, places: Any, velocities: Any, spins: Any = None, **options: Any) -> ShotResult:
+def checked_shot(scene: Scene, places: Any, velocities: Any, spins: Any = None, **options: Any) -> ShotResult:
     """Returns the recorded shot after a check of all rules at every event."""
     shot = simulate(scene, places, velocities, spins=spins, record=True, **options)
     moving, turning = np.array([velocities], float), None if spins is None else np.array([spins], float)

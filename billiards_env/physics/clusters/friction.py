@@ -256,7 +256,7 @@ def _minimise_energy(count, contacts, inv_mass, spheres, rubbing):  # out: rubbi
 
 @kernel
 def _rub_together(count, contacts, state, scene, rubbing):  # out: state, rubbing
-    """Implements `rub_all`."""
+    """Changes the spins and velocities of balls by the friction of all contacts of an instant together."""
     inv_mass, radius, slip = scene.inv_mass, scene.radius, rubbing.slip
     for c in range(count):
         i, j, (nx, ny, tilt) = contacts.first[c], contacts.second[c], frame_of(contacts, c, scene.spheres)

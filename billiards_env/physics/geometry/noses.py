@@ -140,7 +140,10 @@ def _line_noses(row, inset, pockets):
 
 
 def _tip_noses(row, inset, pockets):
-    """Returns the same for a tip; `row` is a row of `Outline.tips`."""
+    """Returns the parts of the nose of a tip outside the pockets, and their ends (x, y) at pockets.
+
+    `row` is a row of `Outline.tips`, and so are the parts.
+    """
     x, y, small, begin_tx, begin_ty, end_tx, end_ty = row
     radius, first, last = small + inset, (-begin_ty, begin_tx), (-end_ty, end_tx)  # directions from the centre
     marks = []

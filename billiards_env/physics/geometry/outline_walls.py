@@ -181,7 +181,9 @@ def _tip_reaches_into(tip: Tip, half_length: float, half_width: float) -> bool:
 
 @inlined
 def outline_time(path, radius, end, leaves, side, outline):
-    """Implements `wall_time` for an outline; the path leaves the outline's box, less the radius, at a time and a side.
+    """Returns the time at which a ball next touches a piece of an outline, s, and the number of the piece.
+
+    The path leaves the outline's box, less the radius, at the time `leaves` through a side.
 
     A ball in the box touches no cushion before it leaves the box. If it leaves it at a rail, it touches the rail.
     """
@@ -205,7 +207,7 @@ def outline_time(path, radius, end, leaves, side, outline):
 
 @kernel
 def any_wall_time(path, radius, end, outline):
-    """Returns the same as `wall_time` for an outline, or another cushion at the same instant. It tests all cushions."""
+    """Returns the time of the next contact with an outline, s, and a cushion of it, by a test of all cushions."""
     first, number = math.inf, -1
     lines, tips = outline.lines, outline.tips
     for k in range(len(lines)):
@@ -291,7 +293,7 @@ def _segment_time(path, radius, end, line):
 
 @kernel
 def outline_normal(x, y, wall, outline):
-    """Implements `normal_at` for an outline."""
+    """Returns the unit normal of a piece of an outline at a ball at (x, y), m, which points into the cushion."""
     lines, tips = outline.lines, outline.tips
     if wall < len(lines):
         return lines[wall, NX], lines[wall, NY]
@@ -365,7 +367,7 @@ def centrifugal(vx, vy, nx, ny, wall, radius, outline):
 
 @kernel
 def next_piece(x, y, vx, vy, radius, outline):
-    """Implements `next_overlap` for an outline.
+    """Returns the next piece of an outline that a ball overlaps and does not leave, or -1.
 
     Of several cushions the one whose normal is nearest to the x axis comes first, then the deepest overlap.
     """
@@ -415,7 +417,7 @@ def _line_distance(x, y, line):
 
 @kernel
 def piece_overlap(x, y, radius, wall, outside, outline):
-    """Implements `wall_overlap` for an outline and a ball whose centre is `outside` (m) beyond it."""
+    """Returns how far a ball, whose centre is `outside` (m) beyond the outline, overlaps a piece, m, and the normal."""
     lines, tips = outline.lines, outline.tips
     nx, ny = outline_normal(x, y, wall, outline)
     if wall < len(lines):
@@ -435,7 +437,7 @@ def piece_overlap(x, y, radius, wall, outside, outline):
 
 @kernel
 def back_to_piece(x, y, radius, wall, outline):
-    """Implements `back_to_wall` for an outline."""
+    """Returns the position at which a ball that overlaps a piece, at (x, y), touches its nearest point."""
     lines, tips = outline.lines, outline.tips
     nx, ny = outline_normal(x, y, wall, outline)
     if wall < len(lines):

@@ -147,7 +147,7 @@ def normal_at(x, y, wall, outline):
 
 @inlined
 def wall_normal(state, i, wall, outline):
-    """Returns the same at ball i."""
+    """Returns the unit normal of a cushion at ball i, which points into the cushion."""
     return normal_at(state.rows[i, X], state.rows[i, Y], wall, outline)
 
 
@@ -192,7 +192,7 @@ def walls_met(state, i, wall, radius, numbers, outline):
 
 @kernel
 def _walls_met(path, wall, radius, outline):
-    """Implements `walls_met` for a ball that touches cushions across x and along x, or an outline at any place."""
+    """Returns the cushions that act on a ball in a corner of a rectangle, or at any place of an outline."""
     x, y, vx, vy, ax, ay = path
     if outline is None:
         return _sides_met(path, wall)
@@ -211,7 +211,7 @@ def _walls_met(path, wall, radius, outline):
 
 @inlined
 def _sides_met(path, wall):
-    """Implements `walls_met` for a ball in a corner of a rectangle."""
+    """Returns the cushions that act on a ball in a corner of a rectangle."""
     x, y, vx, vy, ax, ay = path
     dx, dy = (vx if vx != 0.0 else ax), (vy if vy != 0.0 else ay)
     if dx == 0.0 or dy == 0.0 or x * dx < 0.0 or y * dy < 0.0:

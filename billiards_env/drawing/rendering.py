@@ -18,9 +18,11 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import DependencyNotInstalled
 from numpy.typing import NDArray
 
+from billiards_env.drawing.recording import recording_of
 from billiards_env.engine import ShotInput
 from billiards_env.envs.actions import cue_strike
 from billiards_env.envs.arguments import Model
+from billiards_env.envs.billiards import FPS
 from billiards_env.envs.episodes import Episodes
 from billiards_env.games.game_state import FOULS
 from billiards_env.scene import Scene
@@ -30,13 +32,6 @@ from billiards_env.shots.simulation import run_shot
 if TYPE_CHECKING:
     from billiards_env.drawing.canvas import Canvas, Surface
     from billiards_env.drawing.window import Window
-
-RENDER_MODES = ("human", "rgb_array", "rgb_array_list")
-FPS = 30
-"""Frames per second of a film of the moving balls."""
-
-FPS_OF_SHOTS = 1
-"""Frames per second of a video with one frame per shot, which the mode "rgb_array" gives."""
 
 WIDTH = 800
 """Pixels. Width of a frame."""
@@ -127,17 +122,33 @@ class Renderer:
         """Returns the attributes without pygame's objects, which a copy makes again when it draws."""
         return {**vars(self), "_canvas": None, "_window": None}
 
-    def begin(self, layouts: Sequence[DrawnShot]) -> None:
-        """Discards all steps and adds the balls at the start of episodes, one item per environment that is drawn."""
+    def begin(self, episodes: Episodes) -> None:
+        """Discards all steps and adds the balls at the start of episodes."""
         self._steps = []
-        self.step(layouts)
+        self._add([drawn_layout(episodes, k) for k in range(self.n_shown)])
 
-    def step(self, shots: Sequence[DrawnShot]) -> None:
-        """Adds a step, one shot per environment that is drawn. In the mode "human" the window shows it immediately.
+    def step(
+        self, episodes: Episodes, rewards: NDArray[np.float64], goals: NDArray[np.float64], begun: Sequence[bool]
+    ) -> None:
+        """Adds the last step. In the mode "human" the window shows it immediately.
 
         Keys change the pace. The close button, Q and Escape close the window. Later steps then run without a window.
         Without a display the frames are drawn off screen, with a warning.
+
+        Args:
+            episodes: The episodes.
+            rewards: (m,) the rewards of the shots.
+            goals: (m, g, 2) the goals of the shots, m.
+            begun: (m,) the episodes that began in this step, without a shot.
         """
+        self._add(
+            [
+                drawn_layout(episodes, k) if begun[k] else drawn_shot(episodes, k, rewards[k], goals[k])
+                for k in range(self.n_shown)
+            ]
+        )
+
+    def _add(self, shots: Sequence[DrawnShot]) -> None:
         if self.render_mode != "rgb_array_list":
             self._steps = []
         self._steps.append(shots)
@@ -201,7 +212,7 @@ class Renderer:
         films = []
         for shot, left, right, circles in shots:
             texts = left, right
-            films.append(self._canvas.film(shot.recording(), FPS, *texts, only_last=only_last, circles=circles))
+            films.append(self._canvas.film(recording_of(shot), FPS, *texts, only_last=only_last, circles=circles))
         return films
 
 
@@ -218,6 +229,8 @@ class RecordVideo(gym.wrappers.RecordVideo):
 
     Example:
         ```python
+        from billiards_env.envs import RecordVideo
+
         env = gym.make("Billiards-v0", render_mode="rgb_array_list")
         env = RecordVideo(env, "videos", episode_trigger=lambda episode: True)
         ```

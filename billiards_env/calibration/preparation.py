@@ -1,4 +1,4 @@
-"""Shots for the fit: what moves or rests in a track, where contacts are, when the strike is, and a first guess."""
+"""Prepares tracks for the fit: what moves or rests, where contacts are, when the strike is, and a first guess."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from billiards_env.scene import Scene
 
 PLACES, VELOCITY, SPIN, INSTANT = slice(None, -6), slice(-6, -4), slice(-4, -1), -1
 """Where the numbers of a start are in an array (..., 2 n + 6): x and y of each ball, m; the cue ball's velocity, m/s,
-and its spin, rad/s; and the instant of the strike, s after `Shot.begin`."""
+and its spin, rad/s; and the instant of the strike, s after `PreparedTrack.begin`."""
 
 CAUCHY = 2.385
 """The scale of the loss over the standard deviation of a residual: 95% efficient for Gaussian noise (Holland and Welsch
@@ -31,7 +31,7 @@ _WINDOWS = (1, 8), (0, 2)
 Spans = dict[int, tuple[int, int]]  # the moving rows of each ball, see `_moving_span`
 
 
-class Shot(NamedTuple):
+class PreparedTrack(NamedTuple):
     """A track that is ready for the fit, and its fit.
 
     Attributes:
@@ -95,16 +95,16 @@ class Shot(NamedTuple):
         """Returns the rows to fit before a contact of the cue ball, (r,) bool."""
         return self.time < self.end(contact)
 
-    def until(self, contact: int) -> Shot:
-        """Returns the shot with the rows that are used before a contact of the cue ball."""
+    def until(self, contact: int) -> PreparedTrack:
+        """Returns the track with the rows that are used before a contact of the cue ball."""
         return self._replace(used=self.used & self.before(contact))
 
-    def wide(self, contact: int) -> Shot:
-        """Returns the shot with all rows before a contact of the cue ball."""
+    def wide(self, contact: int) -> PreparedTrack:
+        """Returns the track with all rows before a contact of the cue ball."""
         return self._replace(used=self.before(contact))
 
 
-def prepare(scene: Scene, track: Track, noise: float, known: Floats | None = None) -> Shot:
+def prepare(scene: Scene, track: Track, noise: float, known: Floats | None = None) -> PreparedTrack:
     """Returns a track that is ready for the fit.
 
     Args:
@@ -128,7 +128,7 @@ def prepare(scene: Scene, track: Track, noise: float, known: Floats | None = Non
         rest[first[0]] = np.nan  # the cue ball has left it
     known = _known_numbers(scene, gap, known)
     prior, target = _prior(rest, max(_REST, noise))
-    return Shot(
+    return PreparedTrack(
         track=filled,
         added=added,
         moving=_moving_rows(filled, spans) & ~added,
@@ -195,7 +195,7 @@ def _guess_starts(
         least: m, a ball is at rest within this distance.
 
     Returns:
-        A start for each of `_WINDOWS`, `Shot.begin` and `Shot.gap`.
+        A start for each of `_WINDOWS`, `PreparedTrack.begin` and `PreparedTrack.gap`.
     """
     (t, p), last, n = track.paths()[cue_ball], spans[cue_ball][0] - 1, len(rest)
     hit = min((contact.time for contact in contacts if contact.ball == cue_ball), default=np.inf)
@@ -227,7 +227,7 @@ def _known_numbers(scene: Scene, gap: float, known: Floats | None) -> Floats:
 
 
 def _prior(rest: Floats, error: float) -> tuple[Floats, Floats]:
-    """Returns `Shot.prior` and `Shot.target` of places of rest (n, 2), NaN for none, with an error, m."""
+    """Returns `prior` and `target` of places of rest (n, 2), NaN for none, with an error, m."""
     weight = ~np.isnan(rest.ravel()) / error
     prior = np.zeros((rest.size + 3, rest.size + 6))
     prior[:-3, PLACES] = np.diag(weight)

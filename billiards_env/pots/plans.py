@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.envs.actions import Action
 from billiards_env.pots.finder import DX, DY, SPEED, SPEEDS, find_pots
 from billiards_env.scene import Scene
 from billiards_env.shots.tables import Tables
@@ -72,3 +73,11 @@ class Plans:
             velocities = shots[..., SPEED, None] * shots[..., DX : DY + 1]
             by_choice[which, pots.ball[which, j] - 1, pots.pocket[which, j]] = velocities
         return by_choice * tables.legal[:, 1:, None, None, None]
+
+
+PLAN = Action(
+    "one whole number, which chooses an object ball, a pocket and one of 5 speeds; geometry computes the shot",
+    2,
+    lambda scene, max_speed: Plans(scene),
+    is_choice=True,
+)
