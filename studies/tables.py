@@ -16,7 +16,7 @@ from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.observations import FEATURES
 from billiards_env.games import GAMES
 from billiards_env.games.referee import FAMILIES
-from billiards_env.scene import NAMED, PARAMETERS, Physics
+from billiards_env.scene import NAMED, PARAMETERS, SCENES, Physics
 from billiards_env.support.checks import RANGES
 
 
@@ -50,8 +50,9 @@ def physics() -> str:
 
 
 def scenes() -> str:
-    """Returns the table of the named scenes."""
-    rows = [(f'`"{name}"`', f"{scene.usual} (up to {scene.most})", scene.summary) for name, scene in NAMED.items()]
+    """Returns the table of the named scenes of the package."""
+    named = ((name, NAMED[name]) for name in SCENES)
+    rows = [(f'`"{name}"`', f"{scene.usual} (up to {scene.most})", scene.summary) for name, scene in named]
     return table(("Scene", "Object balls", "Description"), rows, left=3)
 
 

@@ -119,9 +119,7 @@ RACKS = {
     "nine_ball_2025": Rack((1, 2, 3, 4, 9, 6, 7, 8, 5), fixed=(1, 9), foot_ball=9),
     "ten_ball": Rack((1, 2, 3, 4, 10, 6, 7, 8, 9, 5), fixed=(1, 10)),
     "eight_ball": Rack(
-        (11, 2, 3, 4, 8, 6, 7, 5, 9, 10, 1, 12, 13, 14, 15),
-        fixed=(8,),
-        corners=((1, range(1, 8)), (15, range(9, 16))),
+        (11, 2, 3, 4, 8, 6, 7, 5, 9, 10, 1, 12, 13, 14, 15), fixed=(8,), corners=((1, range(1, 8)), (15, range(9, 16)))
     ),
 }
 """The games with rules for the order of the balls in a rack. Each is also the name of a layout.

@@ -121,7 +121,7 @@ def test_every_number_of_the_derivatives_has_a_range():
     assert numbers == set(physics_inputs(Physics(mu_ball=0.05, mu_roll_speed=0.0)))
 
 
-def test_a_ball_that_begins_to_roll_where_the_resistance_changes_has_no_derivative():
+def test_no_derivative_for_rolling_where_the_resistance_changes():
     for speed, reason in ((1.4, "rolling"), (1.4 + 1e-6, ""), (1.4 - 1e-6, "")):  # it rolls at 5/7 of its speed
         shot = simulate(
             SCENES["variable"], [[-1.0, 0.0], [1.0, 0.5], [1.0, -0.5]], [speed, 0.0], record=True, max_time=1.0

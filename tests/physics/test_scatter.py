@@ -72,7 +72,7 @@ def test_the_energy_does_not_rise_and_every_ball_leaves_the_cushion(mode):
 
 
 @MODES
-def test_a_shot_has_the_same_bits_alone_in_a_batch_cut_mirrored_and_among_other_balls(mode):
+def test_a_shot_has_the_same_bits_alone_in_a_batch_cut_and_mirrored(mode):
     batch, cut, mirror = play(20, mode), play(20, mode, max_time=1.0), play(20, mode, mirrored=True)
     assert (play(20, mode, threads=2).positions == batch.positions).all()
     assert (mirror.positions == batch.positions * (1.0, -1.0)).all()

@@ -98,7 +98,7 @@ def test_a_strike_does_not_add_energy(offset, angle, elevation):
     assert miscue == (math.hypot(offset * math.cos(angle), offset * math.sin(angle)) > 0.5)
 
 
-def test_a_miscue_is_continuous_deflects_the_ball_away_from_the_tip_and_gives_less_spin():
+def test_a_miscue_is_continuous_deflects_the_ball_and_gives_less_spin():
     edge = 0.5 * np.array([0.6, 0.8])
     just_below, just_above = (strike(POOL, 2.0, 0.3, k * edge[0], k * edge[1], 0.4) for k in (1 - 1e-12, 1 + 1e-12))
     assert not just_below.miscue

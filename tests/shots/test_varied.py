@@ -128,7 +128,7 @@ def test_pieces_of_a_batch_on_several_threads_have_the_physics_of_their_shots():
         assert margins.balls[k].tobytes() == single.margins().balls.tobytes()
 
 
-def test_the_friction_of_balls_is_an_input_of_the_derivatives_if_the_shots_have_a_constant():
+def test_a_constant_friction_of_balls_is_an_input_of_the_derivatives():
     physics = SCENES["uk_pool"].physics  # it has the law of Marlow
     assert physics_inputs(physics, {"mu_ball": np.array([0.1])}).keys() - physics_inputs(physics).keys() == {"mu_ball"}
 
