@@ -2,7 +2,7 @@
 
 import functools
 import itertools
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -248,7 +248,7 @@ WRONG: list[tuple[Any, Any, str]] = [
     (in_task, nothing, "^task " + KERNELS),
     (in_task, two_values, "^task " + KERNELS),
     (in_task, text, "^task " + KERNELS),
-    (in_task, text.py_func, "^task " + KERNELS),
+    (in_task, cast(Any, text).py_func, "^task " + KERNELS),
     (lambda judge: in_game(judge=judge), half_a_ball, "^judge of game 'wrong_.*: expected a function with 3 arguments"),
     (lambda judge: in_game(judge=judge), no_verdict, "^task " + KERNELS),
     (lambda legal: in_game(legal=legal), half_a_ball, "^task " + KERNELS),

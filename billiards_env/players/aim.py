@@ -406,7 +406,7 @@ def _steps(rows: Floats, residuals: Floats) -> Floats:
 
 def _leave_rows(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
     """Returns the derivatives (m, r, 2) and the residuals (m, r) of the places of the balls at rest."""
-    by = rest_by_cue_ball(batch._record("jacobian"))
+    by = rest_by_cue_ball(batch)
     balls = [leave.ball for leave in _leaves(problem)]
     residuals = batch.positions[:, balls] - [leave.position for leave in _leaves(problem)]
     return np.moveaxis(by[:, :, balls], 1, 3).reshape(len(batch), -1, 2), residuals.reshape(len(batch), -1)
@@ -431,7 +431,7 @@ def _margins(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
     A shot that first touches another ball has the margin by which it must miss this ball.
     """
     shots, n = np.arange(len(batch)), problem.table.scene.n_balls
-    values, slopes = margins_by_cue_ball(batch._record("jacobian"), _selected_margins(problem))
+    values, slopes = margins_by_cue_ball(batch, _selected_margins(problem))
     margins, by = np.full((len(batch), len(problem.goals)), np.inf), np.zeros((len(batch), len(problem.goals), 2))
     for g, goal in enumerate(problem.goals):
         if not isinstance(goal, Pot | Touch | FirstTouch):

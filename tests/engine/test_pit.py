@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from billiards_env import Engine, Scene, simulate_batch
+from billiards_env import Engine, Scene, derivatives, simulate_batch
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Balls, Physics, Pocket, Table, check_positions, layouts
 from tests.helpers.shots import (
@@ -125,7 +125,7 @@ def derivative_error(case, dt, fix):
     It is a central difference over 2e-9 m/s: the derivative through the timesteps.
     """
     scene, places, velocities = case
-    exact = simulate_batch(*case, max_time=1.0, record=True).jacobian("positions", "velocities")[:, :, :, 0]
+    exact = derivatives.jacobian(simulate_batch(*case, max_time=1.0, record=True))[:, :, :, 0]
     differences = np.empty_like(exact)
     for axis, change in enumerate(1e-9 * np.eye(2)):
         low, high = (

@@ -210,10 +210,9 @@ def test_equal_batches_have_equal_pickles():
     sizes = []
     for byte in (0, 255):
         fill_heap(byte, *sizes)
-        # With more threads their timing decides how the log is divided.
-        batch: Any = simulate_batch(scene, places, velocities, record=True, threads=1)
+        batch: Any = simulate_batch(scene, places, velocities, record=True)
         pickles.add(pickle.dumps(batch))
-        sizes = [(rows if rows.base is None else rows.base).nbytes for part in batch._parts for rows in part[2:]]
+        sizes = [rows.nbytes for rows in batch.log]
         del batch
     assert len(pickles) == 1
 

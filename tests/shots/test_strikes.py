@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from billiards_env import Scene, simulate, simulate_batch, strike
+from billiards_env import Scene, derivatives, simulate, simulate_batch, strike
 from billiards_env.physics.strike import CueNumbers, cue_numbers, speed_gain, squirt
 from billiards_env.scene import Balls, Cue, Physics
 
@@ -128,7 +128,7 @@ def test_derivative_of_the_strike(cue_of, seed):
         for h in step * np.eye(5)
     ]
     begun = simulate(scene, [[0.0, 0.0]], strike(scene, *at), record=True)
-    jacobians = [begun.jacobian(name, "strike", t=0.0, strike=at)[0] for name in ("velocities", "spins")]
+    jacobians = [derivatives.jacobian(begun, name, "strike", t=0.0, strike=at)[0] for name in ("velocities", "spins")]
     np.testing.assert_allclose(np.concatenate(jacobians), np.transpose(expected), atol=1e-6)
 
 
