@@ -7,7 +7,7 @@ Modules:
     cleaning: Clipped rows and lost frames.
     contacts: Contacts in the tracks, without a model.
     frame: From coordinates of a file to the table, and checks of the tracks against it.
-    shot, starts: Tracks that are ready for the fit, and the fit of their starts.
+    preparation, starts: Tracks that are ready for the fit, and the fit of their starts.
     scatter: The scatter of the cushions.
     fit, stages: The fit of the shared constants with their intervals, and its stages.
     judge: The errors of the result, and the rows that do not fit.
