@@ -82,7 +82,7 @@ smoke: $(INSTALLED) $(SIMULATORS)  ## short runs of the benchmarks that the test
 	$(BIN)/python -m benchmarks.validation --output build/validation.json --images build
 	$(BIN)/python -m benchmarks.stress --scale 0.0001 --output build/stress.json
 
-stress: slow  ## the slow tests, and ten million random shots, every event checked (20 minutes)
+stress: slow  ## the slow tests, and ten million random shots, every event checked (ten minutes on two cores)
 	$(BIN)/python -m benchmarks.stress
 
 lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design

@@ -80,7 +80,7 @@ def features() -> str:
 
 
 def bounces() -> str:
-    """Returns the table of the errors of PIT in jump shots. They are the same on every machine."""
+    """Returns the table of the errors of PIT in jump shots. They do not depend on the speed of the machine."""
     scene, m = Scene.named("jump_pool"), 64
     places, k = np.tile([[-0.6, 0.0], [-0.3, 0.05]], (m, 1, 1)), np.arange(m)
     shots = strike(scene, 1.5 + k / 32, 0.1 * (k % 8), elevation=np.radians(10 + 5 * (k // 8)))

@@ -42,8 +42,8 @@ head string, which is called baulk line in snooker. All balls lie inside the rec
     b <= r0 + r1, so b / 2 < r0 + r2, and the cue ball meets ball 2 first.
 
 `layout_plan` computes once what a layout needs on a scene. One kernel draws the positions from a plan, for one table
-or for many. The kernel draws numbers from [0, 1) and uses only `+ - * /` on doubles, which every machine rounds in the
-same way. The same seed therefore gives the same layout bit for bit.
+or for many. The kernel draws numbers from [0, 1) and uses only `+ - * /` on doubles, whose rounding IEEE 754 defines.
+The same seed therefore gives the same layout bit for bit.
 """
 
 from __future__ import annotations
