@@ -674,7 +674,7 @@ def sensitivities(record: Record, times: ArrayLike) -> Iterator[Sensitivity]:
         ValueError: If a time is negative, not finite or earlier than the one before.
     """
     array = numbers("times", times)
-    if not (np.isfinite(array).all() and (array >= 0).all() and (np.diff(array) >= 0).all()):
+    if not (array.ndim == 1 and np.isfinite(array).all() and (array >= 0).all() and (np.diff(array) >= 0).all()):
         raise ValueError(f"times = {short(times)}: expected finite numbers of seconds >= 0 in ascending order")
     return _sensitivities(record, np.minimum(array, record.time))
 
