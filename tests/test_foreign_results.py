@@ -164,7 +164,7 @@ def maker(make: Any) -> None:
 def in_player(result: Any, *, game: bool = False) -> None:
     """Plays the result of a player in an environment or in a game."""
 
-    def player(situation, rng):
+    def player(situation: Any, rng: Any) -> Any:
         return result(situation, rng) if callable(result) else result
 
     register_player(name := next(NAMES), PlayerEntry(lambda argument, where: player))
@@ -178,6 +178,8 @@ def in_player(result: Any, *, game: bool = False) -> None:
         env.step(acting(find_player(name, env), env)(observation))
 
 
+COMPILED: Any = text
+PLAIN = COMPILED.py_func
 ARGUMENTS = "= <function .*>: expected a function with {} argument"
 KERNELS = "= .*wrong_.*: expected kernels with the arguments and results"
 NUMBERS, TYPE = "expected finite numbers", "expected the type {}, not {}"
@@ -248,7 +250,7 @@ WRONG: list[tuple[Any, Any, str]] = [
     (in_task, nothing, "^task " + KERNELS),
     (in_task, two_values, "^task " + KERNELS),
     (in_task, text, "^task " + KERNELS),
-    (in_task, text.py_func, "^task " + KERNELS),
+    (in_task, PLAIN, "^task " + KERNELS),
     (lambda judge: in_game(judge=judge), half_a_ball, "^judge of game 'wrong_.*: expected a function with 3 arguments"),
     (lambda judge: in_game(judge=judge), no_verdict, "^task " + KERNELS),
     (lambda legal: in_game(legal=legal), half_a_ball, "^task " + KERNELS),

@@ -376,14 +376,14 @@ def is_masked_array(value: Any) -> bool:
     return module is not None and isinstance(value, module.MaskedArray)
 
 
-def array_of(name: str, value: Any) -> NDArray[Any]:
+def array_of(name: str, value: Any, expected: str = "an array, or lists of one length") -> NDArray[Any]:
     """Returns a copy of an array or of lists. Raises a ValueError for masked values and lists of several lengths."""
     if _is_masked(value):  # NumPy would ignore the mask
         raise ValueError(f"{name} = {short(value)}: expected no masked values")
     try:
         return np.array(value)
     except (OverflowError, TypeError, ValueError):
-        raise ValueError(f"{name} = {short(value)}: expected an array, or lists of one length") from None
+        raise ValueError(f"{name} = {short(value)}: expected {expected}") from None
 
 
 def numbers(name: str, value: ArrayLike | None) -> NDArray[np.float64]:
@@ -391,14 +391,15 @@ def numbers(name: str, value: ArrayLike | None) -> NDArray[np.float64]:
 
     The copy has the layout "C", which the entry points of `jit.Typed` do not check.
     """
-    array = array_of(name, value)
+    expected = "finite numbers in an array"
+    array = array_of(name, value, expected)
     try:
         # NumPy would also convert complex numbers, without their imaginary parts, texts, times and bools.
         if array.dtype.kind in "iuf" or (array.dtype == object and all(map(_is_real, array.flat))):
             return array.astype(np.float64, order="C", copy=False)
     except (OverflowError, TypeError, ValueError):  # a number beyond float64
         pass
-    raise ValueError(f"{name} = {short(value)}: expected finite numbers in an array")
+    raise ValueError(f"{name} = {short(value)}: expected {expected}")
 
 
 def _is_real(value: Any) -> bool:
