@@ -210,6 +210,7 @@ WRONG: list[tuple[Any, Any, str]] = [
         "^order of layout .*: expected the balls of a scene with 2",
     ),
     (in_layout, spots((1,), SPOTS, corners=np.array([[0, 1, 9]])), "^corners of layout .*: expected the balls"),
+    (in_layout, spots((1,), SPOTS, corners=None), "^corners of layout 'wrong_.*' = None: " + NUMBERS),
     (in_layout, spots((1,), SPOTS, midway=True), "^midway of layout 'wrong_.*' = True: expected the balls"),
     (in_layout, spots((1,), SPOTS, n_spots=1.5), "^n_spots of layout 'wrong_.*' = 1.5: expected a whole number"),
     (in_layout, spots((1,), SPOTS, shuffled=8), "^shuffled of layout 'wrong_.*' = 8: expected a whole number"),
