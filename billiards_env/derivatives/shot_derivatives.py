@@ -820,7 +820,7 @@ def sensitivities(shot: ShotResult, times: ArrayLike) -> Iterator[Sensitivity]:
     if isinstance(shot, BatchResult):
         raise TypeError("shot = a BatchResult: expected a ShotResult, such as batch[0]")
     array = numbers("times", times)
-    if not (np.isfinite(array).all() and (array >= 0).all() and (np.diff(array) >= 0).all()):
+    if not (array.ndim == 1 and np.isfinite(array).all() and (array >= 0).all() and (np.diff(array) >= 0).all()):
         raise ValueError(f"times = {short(times)}: expected finite numbers of seconds >= 0 in ascending order")
     return _sensitivities(record, np.minimum(array, record.time))
 

@@ -26,7 +26,7 @@ from billiards_env.scene import Scene, check_scene
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import BatchResult, simulate, simulate_batch
 from billiards_env.shots.tables import Tables
-from billiards_env.support.checks import Range, finite, flag, integer, real, shaped, short, unmasked
+from billiards_env.support.checks import Range, array_of, finite, flag, integer, real, shaped, short
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -243,7 +243,7 @@ def _checked(
     n, checked = scene.n_balls, tuple(goals) if isinstance(goals, Sequence) else (goals,)
     if not checked or not all(isinstance(goal, Goal) for goal in checked):
         raise ValueError(f"goals = {short(goals)}: expected goals such as Pot(1)")
-    in_play = np.ones(n, bool) if in_play is None else np.array(unmasked("in_play", in_play))
+    in_play = np.ones(n, bool) if in_play is None else array_of("in_play", in_play)
     if in_play.shape != (n,) or in_play.dtype != bool or not in_play[CUE_BALL]:
         raise ValueError(f"in_play = {short(in_play)}: expected ({n},) bool, with the cue ball in play")
     for goal in checked:

@@ -222,7 +222,13 @@ def _cached_plan(name: str, scene: Scene, make: PlanMaker, rack: Rack | None) ->
 def _check_plan(what: str, scene: Scene, plan: LayoutPlan) -> None:
     """Raises unless a plan, which may be of another package, suits a scene: the kernels check no index."""
     n = scene.n_balls
-    sizes = {"spots": (n, 2), "order": (n,), "limits": (n, 3), "radius": (n,), "corners": (len(plan.corners), 3)}
+    sizes = {
+        "spots": (n, 2),
+        "order": (n,),
+        "limits": (n, 3),
+        "radius": (n,),
+        "corners": (*np.shape(plan.corners)[:1], 3),
+    }
     for name, shape in sizes.items():
         array, kind = getattr(plan, name), np.dtype(np.int64 if name in ("order", "corners") else np.float64)
         finite(f"{name} of {what}", array, shape)

@@ -31,7 +31,7 @@ from billiards_env.physics.scatter import Scatter
 from billiards_env.scene import Scene, check_scene
 from billiards_env.shots.noise import check_scatter
 from billiards_env.shots.result import ShotResult, outcome_of, read_log
-from billiards_env.support.checks import Range, flag, integer, numbers, short, unmasked
+from billiards_env.support.checks import Range, array_of, flag, integer, numbers, short
 
 if TYPE_CHECKING:
     from billiards_env.shots.records import ShotRecord
@@ -115,10 +115,10 @@ def _scatter(scatter: Mapping[str, float] | None, seed: Any, m: int | None = Non
         return None
     if m is None:
         return Scatter(deviations, np.array([integer("seed", seed, _SEEDS)]))
-    if np.ndim(seed) == 0:
+    seeds = array_of("seed", seed)
+    if seeds.ndim == 0:
         drawn = np.random.SeedSequence(integer("seed", seed, _SEEDS)).generate_state(m, np.uint64)
         return Scatter(deviations, (drawn >> np.uint64(1)).astype(np.int64))
-    seeds = np.asarray(unmasked("seed", seed))
     if seeds.shape != (m,) or seeds.dtype.kind not in "iu" or ((seeds < 0) | (seeds > _SEEDS.most)).any():
         raise ValueError(f"seed = {short(seed)}: expected a whole number, or {m} from 0 to 2^63 - 1")
     return Scatter(deviations, seeds.astype(np.int64))
