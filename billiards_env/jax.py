@@ -48,7 +48,7 @@ def simulate(
 ) -> Any:
     """Runs shots with `billiards_env.simulate_batch`, as a function of JAX arrays.
 
-    Gradients (`jax.grad`, `jax.vjp`) equal those of `BatchResult.vjp`, bit for bit in double precision
+    Gradients (`jax.grad`, `jax.vjp`) equal those of `derivatives.vjp`, bit for bit in double precision
     (`jax_enable_x64`). Derivatives in forward mode and second derivatives do not exist. `vmap` runs all shots in one
     batch.
 

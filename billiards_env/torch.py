@@ -60,8 +60,8 @@ def simulate(
 ) -> Any:
     """Runs m shots with `billiards_env.simulate_batch`, as a differentiable function of tensors.
 
-    Gradients (`backward`, `torch.autograd.grad`) come from `BatchResult.vjp`, and derivatives in forward mode
-    (`torch.func.jvp`, `torch.func.jacfwd`) from `BatchResult.jvp`. `torch.func.vmap` runs all shots in one batch; it
+    Gradients (`backward`, `torch.autograd.grad`) come from `derivatives.vjp`, and derivatives in forward mode
+    (`torch.func.jvp`, `torch.func.jacfwd`) from `derivatives.jvp`. `torch.func.vmap` runs all shots in one batch; it
     cannot map over inputs that all shots share: radii, masses and numbers of shape (). Second derivatives do not
     exist. `torch.compile` compiles the code before and after a call and does not trace the call, which is one graph
     break.

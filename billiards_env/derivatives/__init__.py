@@ -5,8 +5,8 @@ Modules:
     rules, mathavan_tangent: The derivatives of laws that `tangent` does not make.
     lanes: The change of balls through a stretch or an event.
     sweeps: How a change passes through a whole shot, forwards and backwards.
-    nonsmooth: Events without a derivative.
-    margins: The distances to other outcomes.
+    nonsmooth_events: Events without a derivative.
+    margin_sweep: The distances to other outcomes.
     passing: The bodies that a ball passes between two events.
     error_bounds: Bounds of the rounding errors of a shot.
     shot_derivatives: The derivatives of shots by name.

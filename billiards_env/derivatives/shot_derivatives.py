@@ -31,8 +31,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.derivatives.error_bounds import bound_errors
 from billiards_env.derivatives.lanes import ALSO_CONSTANTS, BALL_WIDTH, ONLY_STATES, strike_jacobians
-from billiards_env.derivatives.margins import push_margins
-from billiards_env.derivatives.nonsmooth import OVERFLOWS, REASONS, ROUNDING, find_nonsmooth
+from billiards_env.derivatives.margin_sweep import push_margins
+from billiards_env.derivatives.nonsmooth_events import OVERFLOWS, REASONS, ROUNDING, find_nonsmooth
 from billiards_env.derivatives.sweeps import BALL_INPUTS, NUMBER_INPUTS, pull_lanes, push_lanes
 from billiards_env.engine.compile import PIC, Varied, physics_of_shots, scene_fields, varied_fields
 from billiards_env.engine.log import BALL_POCKET, KIND, SEGMENT_ROW, TIME, ShotLog
@@ -107,7 +107,7 @@ class Nonsmooth(NamedTuple):
     Attributes:
         event: Its index; that of the event before if it is between events; -1 for the start of the shot, or if there
             is none.
-        reason: "" if there is none, or one of `nonsmooth.REASONS`.
+        reason: "" if there is none, or one of `nonsmooth_events.REASONS`.
     """
 
     event: Any
@@ -125,7 +125,7 @@ class Certainty(NamedTuple):
     2-norm of the derivatives with respect to the start, each times the size of its input (half the length of the table,
     or the largest speed). The bounds of times have the same form. A contact is certain if, up to it, no bodies miss or
     enter each other by less than the bound, each contact precedes the next one by more than the bound, and no event has
-    one of `nonsmooth.REASONS`. If two bodies barely miss each other between two events, a contact at the first
+    one of `nonsmooth_events.REASONS`. If two bodies barely miss each other between two events, a contact at the first
     of them does not count either.
 
     Attributes:
@@ -143,7 +143,7 @@ class Margins(NamedTuple):
 
     The margin of a ball and a body is positive if they touch or the ball enters the pocket, and negative if it misses
     them. It passes through zero as a hit becomes a miss. A miss has minus the least gap. A hit has the depth of the
-    ball in the body where the two would be nearest if they did not interact: see `derivatives.margins`. The largest of
+    ball in the body where the two would be nearest if they did not interact: see `margin_sweep`. The largest of
     several approaches counts. It is minus infinity for balls that are not in play, for a ball and itself, and for a
     cushion of an outline that a ball does not face. It is infinity for a cushion that a ball touches on a path that
     does not turn back.

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from benchmarks.reference.oracle import reference_shot
 from billiards_env import Scene, derivatives, simulate_batch, strike
-from billiards_env.derivatives.nonsmooth import REASONS
+from billiards_env.derivatives.nonsmooth_events import REASONS
 from billiards_env.derivatives.shot_derivatives import physics_inputs
 from billiards_env.scene import Balls, Pocket, Table, layouts
 from tests.helpers.derivatives import start_of
@@ -62,8 +62,8 @@ def test_the_shots_between_two_outcomes_have_no_derivative(name, seed):
     assume(first != last)
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if shot(middle)[1] == first else (low, middle)
-    assert shot(low)[0].nonsmooth().reason
-    assert shot(high)[0].nonsmooth().reason
+    assert derivatives.nonsmooth(shot(low)[0]).reason
+    assert derivatives.nonsmooth(shot(high)[0]).reason
 
 
 def test_a_ball_that_rolls_up_to_rounding_has_no_derivative():

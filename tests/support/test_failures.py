@@ -150,7 +150,7 @@ FAILING = {
     "stress": (
         ["--scale", "1e-9"],
         {
-            "families.run": failing_at(("wild",), {"shots": 1, "events": 5, "bad": []}),
+            "families.check_family": failing_at(("wild",), {"shots": 1, "events": 5, "bad": []}),
             "drift": failing_at((16,), dict.fromkeys(["disks", "collisions", *DRIFTS], 2)),
         },
         "wild, seed 1000, elastic gas of 16 disks",
