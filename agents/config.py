@@ -85,12 +85,8 @@ class Config:
         learner, section = entry_of("learner", self.learner, LEARNERS), short_name(self.learner)
         if section in vars(self):
             raise ValueError(f"learner = {self.learner!r}: expected a learner whose name is no key of the settings")
-        mappings = {
-            "env": self.env,
-            "policy": self.policy,
-            section: self.settings,
-            "noise": {} if noise is None else noise,
-        }
+        mappings = {"env": self.env, "policy": self.policy, section: self.settings}
+        mappings["noise"] = {} if noise is None else noise
         for name, value in mappings.items():
             if not isinstance(value, Mapping):
                 raise ValueError(f"{name} = {short(value)}: expected a mapping")

@@ -80,12 +80,10 @@ class Labels(NamedTuple):
 class LikelihoodTraining(Training):
     """A training by likelihood, see the module."""
 
-    policy: AimPolicy  # pyright: ignore[reportIncompatibleVariableOverride]
-
     def __init__(self, config: Config) -> None:
         torch.manual_seed(config.seed)
         policy: Any = make_policy(config)
-        self.policy = policy
+        self.policy: AimPolicy = policy  # pyright: ignore[reportIncompatibleVariableOverride]
         self.policy.set_training_mode(False)
         self.policy.end_schedules()
         self._config, self._settings = config, config.settings
