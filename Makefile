@@ -50,7 +50,7 @@ pythons:  ## test the core (shots, batches, the environment, commands) on each i
 	        && ran="$$ran\n$$v passed" || { ran="$$ran\n$$v failed"; failed=1; }; \
 	done; printf "$(CORE) on$$ran\n"; [ -z "$$failed" ]
 
-tools: $(TOOLS)  ## test TorchRL, Minari, Optuna, JAX, pymunk and MuJoCo with this package; they are installed in .venv-tools
+tools: $(TOOLS)  ## test TorchRL, Minari, Optuna, JAX and pymunk with this package; they are installed in .venv-tools
 	.venv-tools/bin/pytest -q -m tools tests/tools tests/examples tests/benchmarks/test_comparison.py
 
 page: $(WEB)  ## build the engines for browsers, and the page that 'billiards web' opens
@@ -82,7 +82,7 @@ smoke: $(INSTALLED) $(SIMULATORS)  ## short runs of the benchmarks that the test
 	$(BIN)/python -m benchmarks.validation --output build/validation.json --images build
 	$(BIN)/python -m benchmarks.stress --scale 0.0001 --output build/stress.json
 
-stress: slow  ## the slow tests, and ten million random shots, every event checked (20 minutes)
+stress: slow  ## the slow tests, and ten million random shots, every event checked (ten minutes on two cores)
 	$(BIN)/python -m benchmarks.stress
 
 lint: $(INSTALLED)  ## formatting, lint, types and the layers of the design
@@ -116,10 +116,9 @@ results: $(WORKS)  ## train every row of configs/learning.yaml with its seeds, a
 	$(WORK)/python -m studies.leaderboard
 	$(WORK)/python -m studies.readme
 
-study: $(WORKS) $(SIMULATORS)  ## train policies with several timesteps and compare them (two hours on two cores; runs with results are not trained again)
+study: $(WORKS)  ## train policies with several timesteps and compare them (two hours on two cores; runs with results are not trained again)
 	$(WORK)/python -m studies.timestep $(SPREAD)
 	$(WORK)/python -m studies.timestep_shots
-	$(WORK)/python -m studies.other_simulators
 	$(WORK)/python -m studies.readme
 
 rllib: $(RLLIB)  ## install RLlib in .venv-rllib, test it on a cluster of two nodes on this machine, and train a little
@@ -175,7 +174,7 @@ $(RLLIB): pyproject.toml constraints.txt constraints-rllib.txt
 $(TOOLS): pyproject.toml constraints.txt benchmarks/simulators.txt
 	$(PYTHON) -m venv --clear .venv-tools
 	.venv-tools/bin/pip install --quiet -c constraints.txt -e '.[train,render,multi,dev,tools,jax]'
-	.venv-tools/bin/pip install --quiet --no-deps $$(grep -E '^(cffi|mujoco|pycparser|pymunk)' benchmarks/simulators.txt)
+	.venv-tools/bin/pip install --quiet --no-deps $$(grep -E '^(cffi|pycparser|pymunk)' benchmarks/simulators.txt)
 	touch $@
 
 # pooltool needs other versions of numba and llvmlite than this package.

@@ -83,7 +83,7 @@ def rows_table(columns: Mapping[str, str], rows: Iterable[Mapping[str, Any]], le
 
 
 def new_figure(width: float, height: float, **options: Any) -> Figure:
-    """Returns a figure with the font that is part of matplotlib, so that pictures are the same on every machine."""
+    """Returns a figure with the font that is part of matplotlib, so that pictures do not depend on installed fonts."""
     import matplotlib
     from matplotlib.figure import Figure
 

@@ -69,6 +69,8 @@ def play():
 
 _RULES = {"n_object_balls": 9, "layout": "nine_ball", "max_shots": 1}
 
+_GRADIENT = "from billiards_env.derivatives import vjp; vjp(batch, {'positions': np.ones((len(batch), 2, 2))})"
+
 ROWS = (
     _batch("a shot that uses nothing", "", physics={"motion": "rolling", "cushion": "restitution"}),
     _batch("sliding and spin", "a shot that uses nothing", physics={"cushion": "restitution"}),
@@ -77,7 +79,7 @@ ROWS = (
     _batch("jaws", "cushions with friction", table="pool_9ft"),
     _batch("flights", "cushions with friction", physics={"flight": True}),
     _batch("recording", "cushions with friction", record=True),
-    _batch("derivatives", "recording", "batch.vjp({'positions': np.ones((len(batch), 2, 2))}, 'velocities')", True),
+    _batch("derivatives", "recording", _GRADIENT, record=True),
     _steps("a step that uses nothing", ""),
     _steps("strikes", "a step that uses nothing", action="strike"),
     _steps("noise", "a step that uses nothing", noise={}),

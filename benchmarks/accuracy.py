@@ -179,9 +179,7 @@ def seconds_per_shot(name: str, shots: int, passes: int) -> dict[Engine, list[fl
 
 
 def rows_per_engine(
-    errors: Sequence[Sequence[float]],
-    seconds: dict[Engine, list[float]],
-    wrong: dict[Engine, dict[str, float | int]],
+    errors: Sequence[Sequence[float]], seconds: dict[Engine, list[float]], wrong: dict[Engine, dict[str, float | int]]
 ) -> list[dict[str, Any]]:
     """Returns the results of a problem, one row per engine, from the errors of each shot with each engine."""
     rows = []

@@ -96,11 +96,7 @@ def shots_line(result: dict[str, Any]) -> str:
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     scenes = result["scenes"]
-    return {
-        "shots": shots_line(result),
-        "levels": levels(scenes),
-        "enough": enough(scenes),
-    }
+    return {"shots": shots_line(result), "levels": levels(scenes), "enough": enough(scenes)}
 
 
 def draw(result: dict[str, Any], folder: Path) -> None:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from benchmarks import machine, new_figure, rows_table, run_command, run_kinds, save, workers
 from benchmarks.reference.oracle import OracleError, reference_shot
+from billiards_env import derivatives
 from billiards_env.derivatives.shot_derivatives import UNIT_ROUNDOFF
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate
@@ -100,12 +101,12 @@ def compare(kind: str, seed: int) -> dict[str, float | bool | int]:
     times = np.append(shot.events["time"], shot.time)
     until = shot.time
     allowed = OF_A_RADIUS * min(scene.balls.radius) / UNIT_ROUNDOFF
-    for k, here in enumerate(shot.sensitivities(times)):
+    for k, here in enumerate(derivatives.sensitivities(shot, times)):
         if here.condition > allowed or not here.smooth:
             # Halfway between this event and the one before, so that rounding does not move an event across the end.
             until = 0.5 * (times[k - 1] + times[k]) if k else 0.5 * times[0]
             break
-    condition = shot.sensitivity(until).condition
+    condition = derivatives.sensitivity(shot, until).condition
     limit = until if until < shot.time or scene.physics.max_time else None
     try:
         exact = reference_shot(scene, places.tolist(), velocities.tolist(), max_time=limit)

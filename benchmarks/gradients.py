@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from benchmarks import machine, new_figure, run_command, save, table
 from benchmarks.accuracy_report import PIT_STYLES
 from benchmarks.speed import Case, breaks, quartiles, random_shots, seconds
+from billiards_env import derivatives
 from billiards_env.engine import PIC, Engine
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Balls, Physics, Scene, layouts
@@ -92,8 +93,8 @@ def time_parts(case: Case) -> list[float]:
     return [
         seconds(lambda: simulate_batch(scene, positions, velocities, threads=1)),
         seconds(lambda: simulate_batch(scene, positions, velocities, record=True, threads=1)),
-        seconds(lambda: batch.jvp({"velocities": ones}, "positions", threads=1)),
-        seconds(lambda: batch.vjp({"positions": ones}, "velocities", threads=1)),
+        seconds(lambda: derivatives.jvp(batch, {"velocities": ones}, "positions", threads=1)),
+        seconds(lambda: derivatives.vjp(batch, {"positions": ones}, "velocities", threads=1)),
     ]
 
 
@@ -142,7 +143,7 @@ def outcomes(batch: BatchResult) -> NDArray[np.int64]:
 
 def exact_derivatives(batch: BatchResult) -> Floats:
     """Returns the derivatives of the final positions by the cue ball's velocity, (m, n, 2, 2)."""
-    return batch.jacobian("positions", "velocities", threads=1)[:, :, :, 0]
+    return derivatives.jacobian(batch, "positions", "velocities", threads=1)[:, :, :, 0]
 
 
 def differences(shots: SceneShots, h: float, engine: Engine = PIC) -> Floats:
@@ -167,7 +168,7 @@ def choose() -> dict[str, Any]:
     shots = draw_shots()
     exact = shots.batch(record=True)
     size = sizes(exact_derivatives(exact))
-    hit, smooth = exact.first_hit == 1, exact.nonsmooth().reason == ""
+    hit, smooth = exact.first_hit == 1, derivatives.nonsmooth(exact).reason == ""
     smooth = np.flatnonzero(hit & smooth & (size > 0.0) & (size < MOST))
     part, same = shots.part(smooth), {}
     for name, engine in ENGINES.items():

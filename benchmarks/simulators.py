@@ -1,7 +1,7 @@
-"""Shots in other simulators, pooltool, pymunk and MuJoCo, in processes with an environment of their own.
+"""Shots in other simulators, pooltool and pymunk, in processes with an environment of their own.
 
-pooltool needs other versions of numba and llvmlite than billiards-env. `make bench` and `make study` create the
-environment, in which `benchmarks/simulators_worker.py` runs:
+pooltool needs other versions of numba and llvmlite than billiards-env. `make bench` creates the environment,
+in which `benchmarks/simulators_worker.py` runs:
 
     python3 -m venv .venv-simulators
     .venv-simulators/bin/pip install --no-deps -r benchmarks/simulators.txt
@@ -12,7 +12,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,24 +48,13 @@ def installed() -> bool:
 
 
 @contextlib.contextmanager
-def opened(name: str, *arguments: Any) -> Iterator[tuple[Any, Callable[..., Any]]]:
-    """Starts a simulator, an entry of `SIMULATORS` in the worker.
-
-    Yields:
-        Its first answer, and a function that sends shots and returns the answer.
-    """
+def runner(name: str, argument: float) -> Iterator[tuple[str, Runner]]:
+    """Yields the version of a simulator, an entry of `SIMULATORS` in the worker, and its runner."""
     with worker(WORKER.name, [PYTHON, WORKER]) as ask:
-        yield ask([name, *arguments]), ask
-
-
-@contextlib.contextmanager
-def runner(name: str, *arguments: Any) -> Iterator[tuple[str, Runner]]:
-    """Yields the version of a simulator that runs single shots, and its runner."""
-    with opened(name, *arguments) as (version, ask):
 
         def run_shot(scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Outcome:
             shot = {"scene": scene.to_dict(), "positions": positions.tolist(), "velocity": velocity.tolist()}
             answer = Outcome(**ask({**shot, "time": time}))
             return answer if answer.positions is None else answer._replace(positions=np.array(answer.positions))
 
-        yield version, run_shot
+        yield ask([name, argument]), run_shot

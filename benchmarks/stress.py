@@ -1,6 +1,7 @@
 """The stress run: ten million random shots, each checked at every event, and very long runs of elastic gases.
 
-`python -m benchmarks.stress` takes 5 to 25 minutes on two cores. It ends with an error if any shot breaks a rule.
+`python -m benchmarks.stress` takes minutes on two cores; its results have the time. It ends with an error if
+any shot breaks a rule.
 """
 
 from __future__ import annotations

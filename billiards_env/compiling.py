@@ -11,6 +11,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from billiards_env.derivatives import jacobian
 from billiards_env.engine import PIC, Engine
 from billiards_env.games import Setup, opening
 from billiards_env.players.planner import plan
@@ -76,7 +77,7 @@ def _scene(name: str) -> None:
 
 
 def _derivatives() -> None:
-    simulate("pool", [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45], record=True).jacobian("positions", "velocities")
+    jacobian(simulate("pool", [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45], record=True), "positions", "velocities")
 
 
 def _planner() -> None:

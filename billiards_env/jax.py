@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
+from billiards_env.derivatives.functions import ShotFunction, checked_physics
 from billiards_env.derivatives.shot_derivatives import MARGINS, margin_columns
 from billiards_env.scene import Scene
-from billiards_env.shots.functions import ShotFunction, checked_physics
 from billiards_env.support.checks import missing
 
 try:

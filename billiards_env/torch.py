@@ -19,10 +19,10 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.derivatives.functions import OF_BALLS, ShotFunction, checked_physics
 from billiards_env.derivatives.shot_derivatives import MARGINS
 from billiards_env.engine import PIC
 from billiards_env.scene import Scene
-from billiards_env.shots.functions import OF_BALLS, ShotFunction, checked_physics
 from billiards_env.shots.simulation import BatchResult
 from billiards_env.support.checks import missing, short
 

@@ -5,7 +5,6 @@ Modules:
     timestep: Trains `configs/timestep.yaml` with several timesteps and compares the policies: `make study`.
     timestep_report: Makes its tables and pictures.
     timestep_shots: Chooses shots of these policies for the page of the study.
-    other_simulators: Trains policies in pymunk and MuJoCo, and plays policies of exact worlds in them.
     failures: The four failures of a timestep, as small scenes.
     frozen_tasks: Measures players without training in the frozen tasks.
     scatter: Measures what players lose by the scatter of the cushions.

@@ -138,7 +138,7 @@ def page(name: str) -> str:
         "The players without training play the 1,000 public layouts of [`billiards bench`](../leaderboard.md).",
         "## Arguments",
         f"The id stands for `Billiards-v0` with these arguments: {arguments}."
-        + task.noise * f" [Execution noise](../environment.md#action-frames-and-noise): {noise}.",
+        + task.noise * f" [Execution noise](../environment.md#actions-and-noise): {noise}.",
         "## Versions",
         "\n".join(f"- {line}" for line in task.history),
     ]

@@ -39,7 +39,6 @@ SOURCES = {
         "benchmarks.release.dist",
         "studies.leaderboard",
         "studies.learning",
-        "studies.other_simulators",
         "studies.frozen_tasks",
         "studies.scatter",
         "studies.timestep",

@@ -16,7 +16,7 @@ from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.observations import FEATURES
 from billiards_env.games import GAMES
 from billiards_env.games.referee import FAMILIES
-from billiards_env.scene import NAMED, PARAMETERS, Physics
+from billiards_env.scene import NAMED, PARAMETERS, SCENES, Physics
 from billiards_env.support.checks import RANGES
 
 
@@ -50,8 +50,9 @@ def physics() -> str:
 
 
 def scenes() -> str:
-    """Returns the table of the named scenes."""
-    rows = [(f'`"{name}"`', f"{scene.usual} (up to {scene.most})", scene.summary) for name, scene in NAMED.items()]
+    """Returns the table of the named scenes of the package."""
+    named = ((name, NAMED[name]) for name in SCENES)
+    rows = [(f'`"{name}"`', f"{scene.usual} (up to {scene.most})", scene.summary) for name, scene in named]
     return table(("Scene", "Object balls", "Description"), rows, left=3)
 
 
@@ -79,7 +80,7 @@ def features() -> str:
 
 
 def bounces() -> str:
-    """Returns the table of the errors of PIT in jump shots. They are the same on every machine."""
+    """Returns the table of the errors of PIT in jump shots. They do not depend on the speed of the machine."""
     scene, m = Scene.named("jump_pool"), 64
     places, k = np.tile([[-0.6, 0.0], [-0.3, 0.05]], (m, 1, 1)), np.arange(m)
     shots = strike(scene, 1.5 + k / 32, 0.1 * (k % 8), elevation=np.radians(10 + 5 * (k // 8)))

@@ -17,7 +17,6 @@ TESTED = {
     "studies.frozen_tasks",
     "studies.leaderboard",
     "studies.learning",
-    "studies.other_simulators",
     "studies.readme",
     "studies.scatter",
     "studies.timestep",

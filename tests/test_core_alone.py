@@ -17,7 +17,6 @@ PACKAGE = ROOT / "billiards_env"
 CORE = {
     *("__init__.py", "billiards_v0.py", "doors.py", "version.py"),
     *("engine", "envs", "games", "jit", "physics", "scene", "shots", "support"),
-    "derivatives",  # `shots` imports it
 }
 
 

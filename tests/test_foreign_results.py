@@ -178,6 +178,8 @@ def in_player(result: Any, *, game: bool = False) -> None:
         env.step(acting(find_player(name, env), env)(observation))
 
 
+COMPILED: Any = text
+PLAIN = COMPILED.py_func
 ARGUMENTS = "= <function .*>: expected a function with {} argument"
 KERNELS = "= .*wrong_.*: expected kernels with the arguments and results"
 NUMBERS, TYPE = "expected finite numbers", "expected the type {}, not {}"
@@ -208,6 +210,7 @@ WRONG: list[tuple[Any, Any, str]] = [
         "^order of layout .*: expected the balls of a scene with 2",
     ),
     (in_layout, spots((1,), SPOTS, corners=np.array([[0, 1, 9]])), "^corners of layout .*: expected the balls"),
+    (in_layout, spots((1,), SPOTS, corners=None), "^corners of layout 'wrong_.*' = None: " + NUMBERS),
     (in_layout, spots((1,), SPOTS, midway=True), "^midway of layout 'wrong_.*' = True: expected the balls"),
     (in_layout, spots((1,), SPOTS, n_spots=1.5), "^n_spots of layout 'wrong_.*' = 1.5: expected a whole number"),
     (in_layout, spots((1,), SPOTS, shuffled=8), "^shuffled of layout 'wrong_.*' = 8: expected a whole number"),
@@ -248,7 +251,7 @@ WRONG: list[tuple[Any, Any, str]] = [
     (in_task, nothing, "^task " + KERNELS),
     (in_task, two_values, "^task " + KERNELS),
     (in_task, text, "^task " + KERNELS),
-    (in_task, text.py_func, "^task " + KERNELS),
+    (in_task, PLAIN, "^task " + KERNELS),
     (lambda judge: in_game(judge=judge), half_a_ball, "^judge of game 'wrong_.*: expected a function with 3 arguments"),
     (lambda judge: in_game(judge=judge), no_verdict, "^task " + KERNELS),
     (lambda legal: in_game(legal=legal), half_a_ball, "^task " + KERNELS),

@@ -38,7 +38,7 @@ def pins(python: str, file: str = "constraints.txt") -> dict[str, str]:
     return {name: version.removeprefix("==") for name, version in applicable}
 
 
-def test_the_metadata_has_the_version_of_the_package_and_the_tried_versions_of_python():
+def test_the_metadata_has_the_version_and_the_tried_versions_of_python():
     pyproject = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     assert f'\nversion = "{billiards_env.__version__}"\n' in pyproject
     listed = re.findall(r"Python :: (3\.\d+)$", "\n".join(METADATA.get_all("Classifier") or []), re.MULTILINE)

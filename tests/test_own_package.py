@@ -126,7 +126,7 @@ def test_commands_take_the_names(capsys, tmp_path, monkeypatch):
     assert start == [-0.45 * 2.54, -0.4 * 1.27]
 
 
-def test_a_game_is_played_saved_and_shown_and_the_environment_plays_the_same_one():
+def test_a_game_is_played_saved_and_shown_as_in_the_environment():
     args = make_parser().parse_args(["--rules", GAME, "--scene", OWN["scene"], "--balls", "2", "--seed", "1"])
     history = make_history(args, RNG(1))
     assert begin(history, ("human", PLAYER), 8.0, 1 / 60, 1.0, False).setup.rules == GAME

@@ -8,7 +8,7 @@ from torch._dynamo import explain
 from torch.autograd import gradcheck
 from torch.func import grad, jacfwd, jacrev, vmap
 
-from billiards_env import Scene, simulate_batch
+from billiards_env import Scene, derivatives, simulate_batch
 from billiards_env.envs import make_vector_env
 from billiards_env.torch import pot_margins, simulate
 from tests.helpers.derivatives import aimed
@@ -55,7 +55,7 @@ def test_the_outputs_are_those_of_a_batch():
     arrays = [tensor.detach().numpy() for tensor in tensors]
     batch = simulate_batch(scene, arrays[0], arrays[1], spins=arrays[2], max_time=0.7, record=True)
     outputs = simulate(scene, *tensors, of=(*OUTPUTS, "cushion_margins"), max_time=0.7)
-    assert outputs["cushion_margins"].tolist() == batch.margins().cushions.tolist()
+    assert outputs["cushion_margins"].tolist() == derivatives.margins(batch).cushions.tolist()
     for name in OUTPUTS:
         assert outputs[name].tolist() == getattr(batch, name).tolist()
     single = simulate(scene, tensors[0][1], tensors[1][1], tensors[2][1], max_time=0.7)
@@ -102,7 +102,7 @@ def test_vmap_runs_one_batch_and_has_the_derivatives_of_the_batch():
     pairs = vmap(vmap(end))(places.reshape(2, 2, 3, 2), moving.reshape(2, 2, 2))
     assert torch.equal(pairs.flatten(0, 1), batched)
     arrays = places.numpy(), moving.numpy()
-    jacobian = simulate_batch(scene, *arrays, max_time=0.7, record=True).jacobian()[..., 0, :]
+    jacobian = derivatives.jacobian(simulate_batch(scene, *arrays, max_time=0.7, record=True))[..., 0, :]
     for derivative in (vmap(jacrev(end, 1))(places, moving), vmap(jacfwd(end, 1))(places, moving)):
         np.testing.assert_allclose(derivative.numpy(), jacobian, rtol=0, atol=1e-12)
     by_sum = vmap(grad(lambda v, p: end(p, v).sum()))(moving, places)

@@ -13,14 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.engine.all_pairs import SOON, most_contacts
-from billiards_env.engine.log import (
-    BALL_CUSHION,
-    BALL_POCKET,
-    LANDING,
-    ROLLING_REST,
-    SLIDING_ROLLING,
-    phase_end,
-)
+from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, LANDING, ROLLING_REST, SLIDING_ROLLING, phase_end
 from billiards_env.engine.pic import event_loop, make_workspace
 from billiards_env.engine.pic_events import add_contact
 from billiards_env.engine.predictions import (

@@ -75,11 +75,7 @@ def play_episodes(env: gym.Env[Any, Any], act: Act, seeds: Iterable[int]) -> dic
     return summary(successes, scores, rewards)
 
 
-def play_together(
-    envs: VectorEnv[Any, Any, Any],
-    act: Act,
-    seeds: Sequence[int],
-) -> dict[str, Any]:
+def play_together(envs: VectorEnv[Any, Any, Any], act: Act, seeds: Sequence[int]) -> dict[str, Any]:
     """Plays one episode for each seed, all at the same time. The episodes and the result are as in `play_episodes`.
 
     `envs` has one environment for each seed and resets in the same step. `act` returns the actions of all of them.

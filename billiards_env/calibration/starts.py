@@ -10,7 +10,7 @@ import numpy as np
 from billiards_env.calibration.contacts import CUSHION, POCKET, Contact
 from billiards_env.calibration.preparation import CAUCHY, INSTANT, PLACES, SPIN, VELOCITY, PreparedTrack
 from billiards_env.calibration.tracks import Bools, Floats, Ints
-from billiards_env.derivatives.shot_derivatives import Record, start_jacobians
+from billiards_env.derivatives.shot_derivatives import start_jacobians
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.scene import Scene
 from billiards_env.shots.result import ShotResult
@@ -91,17 +91,17 @@ def model_contacts(scene: Scene, shot: PreparedTrack, ball: int) -> Iterator[Con
             yield Contact(time, ball, other, np.array([event["x"], event["y"]]), float(event["speed"]), body)
 
 
-def _motion(record: Record, balls: Ints, times: Floats) -> tuple[Floats, Floats]:
+def _motion(batch: BatchResult, balls: Ints, times: Floats) -> tuple[Floats, Floats]:
     """Returns the places and the velocities of balls (r,) at times (g, r) of g simulated shots, (g, r, 2) each."""
     shots = np.arange(len(times))
-    paths = Trajectory.of(np.concatenate([p.segments[p.bounds[0, 1] : p.bounds[-1, 1]] for p in record.parts]))
-    pieces = np.concatenate([np.diff(part.bounds[:, 1]) for part in record.parts])  # of each shot
+    assert batch.log is not None
+    paths, pieces = Trajectory.of(batch.log.segments), np.diff(batch.log.bounds[:, 1])  # of each shot
     # A key orders by shot, by ball and by time. The last piece that begins at or before a time has its place.
-    span = float(record.time.max()) + 1.0
-    owner = np.repeat(shots, pieces) * record.scene.n_balls + paths.ball
+    span = float(batch.time.max()) + 1.0
+    owner = np.repeat(shots, pieces) * batch.scene.n_balls + paths.ball
     order = np.argsort(owner, kind="stable")  # those of a ball stay in the order of time
     begins = (owner * span + paths.start)[order]
-    sought = (shots[:, None] * record.scene.n_balls + balls) * span + times
+    sought = (shots[:, None] * batch.scene.n_balls + balls) * span + times
     piece = order[np.searchsorted(begins, sought.ravel(), side="right") - 1]
     motion = paths.at_pieces(piece, times.ravel()), paths.velocities_on(piece, times.ravel())
     places, velocities = (part.reshape(*times.shape, 2) for part in motion)
@@ -120,18 +120,18 @@ def linearised(scene: Scene, starts: Floats, shot: PreparedTrack, names: Sequenc
     Returns:
         (g, q) the errors of the q / 2 used rows over the scale, and of the prior over `CAUCHY`; (g, q, width + s).
     """
-    record = simulate_starts(scene, starts, shot)._record("evaluate")
+    batch = simulate_starts(scene, starts, shot)
     width = starts.shape[1]
     balls, positions = shot.track.balls[shot.used], shot.track.positions[shot.used]
     times, frame = np.unique(np.append(0.0, shot.time[shot.used]), return_inverse=True)
     frame = frame[1:]  # of each row
     since = times - starts[:, INSTANT, None]  # (g, times), s after the strike, where the simulated shots begin
-    clock = np.clip(since, 0.0, record.time[:, None])
-    places, velocities = _motion(record, balls, clock[:, frame])
+    clock = np.clip(since, 0.0, batch.time[:, None])
+    places, velocities = _motion(batch, balls, clock[:, frame])
     by_prior = starts @ shot.prior.T - shot.target
     values = np.concatenate((_by_number(places - positions) / shot.scale, by_prior / CAUCHY), axis=1)
 
-    rates = start_jacobians(record, clock, shot.cue_ball, names, 1)[np.arange(len(starts))[:, None], frame, :, balls]
+    rates = start_jacobians(batch, clock, shot.cue_ball, names, 1)[np.arange(len(starts))[:, None], frame, :, balls]
     by_start, by_constant = np.split(np.moveaxis(rates, 2, 3), [width - 1], axis=3)  # (g, r, 2, ...)
     by_instant = np.where(since[:, frame, None] > 0.0, -velocities, 0.0)
     of_rows = _by_number(np.concatenate((by_start, by_instant[..., None], by_constant), axis=3)) / shot.scale

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.scene import Scene
 from billiards_env.shots.records import data_of
 from billiards_env.shots.result import ShotResult
-from billiards_env.support.checks import RANGES, finite, integer, number, numbers, one_of, real, short, unmasked
+from billiards_env.support.checks import RANGES, array_of, finite, integer, number, numbers, one_of, real, short
 from billiards_env.support.files import read_text, write_atomically
 
 Floats = NDArray[np.float64]
@@ -320,7 +320,7 @@ def check_tracks(scene: Scene, tracks: Sequence[Track]) -> list[Track]:
         name = f"shots[{track.name!r}]"
         if names.count(track.name) > 1:
             raise ValueError(f"{name} appears twice: expected each name once")
-        balls = np.asarray(unmasked(f"{name}.balls", track.balls))
+        balls = array_of(f"{name}.balls", track.balls)
         k = balls.size
         times = finite(f"{name}.times", track.times, (k,))
         positions = finite(f"{name}.positions", track.positions, (k, 2))

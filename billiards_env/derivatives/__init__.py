@@ -10,5 +10,18 @@ Modules:
     passing: The bodies that a ball passes between two events.
     error_bounds: Bounds of the rounding errors of a shot.
     shot_derivatives: The derivatives of shots by name.
-    differentiable: The methods of results that call `shot_derivatives`.
+    functions: Shots as functions of arrays, for `billiards_env.torch` and `.jax`.
 """
+
+from billiards_env.derivatives.shot_derivatives import (
+    certainty,
+    jacobian,
+    jvp,
+    margins,
+    nonsmooth,
+    sensitivities,
+    sensitivity,
+    vjp,
+)
+
+__all__ = ["certainty", "jacobian", "jvp", "margins", "nonsmooth", "sensitivities", "sensitivity", "vjp"]

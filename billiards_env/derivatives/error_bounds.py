@@ -79,7 +79,7 @@ def bound_errors(begin, end, shots, times, inputs, ratio, largest, bounds):  # o
     tape, tangent = empty_tape(begin, end, shots, count), np.empty((n, count, BALL_WIDTH))
     for k in range(begin, end):
         shot, changes = shot_of(shots, k), inputs[k]
-        events, row = shot.events, shots.bounds[k - shots.first, 0] + k - shots.first
+        events, row = shot.events, shots.bounds[k, 0] + k
         trace(shot, tape)
         begin_lanes(changes, times[k], shot, tangent, tape)
         position, time = 0.0, 0.0

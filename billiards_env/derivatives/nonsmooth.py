@@ -322,7 +322,7 @@ def find_nonsmooth(begin, end, shots, times, within, results):  # out: results
     tape, n, first, pending = empty_tape(begin, end, shots, 0), len(shots.scene[1]), np.empty(1), 0
     last = np.empty(n, np.int64)
     for k in range(begin, end):
-        shot, at, until = shot_of(shots, k), shots.bounds[k - shots.first, 0], Time(times[k], 0.0)
+        shot, at, until = shot_of(shots, k), shots.bounds[k, 0], Time(times[k], 0.0)
         log = shot.events
         trace(shot, tape)
         over = Pass(

@@ -1,4 +1,4 @@
-"""The derivatives of recorded shots by name: `jvp`, `vjp` and `jacobian` of `ShotResult` and `BatchResult`.
+"""The derivatives of recorded shots by name: `jvp`, `vjp`, `jacobian` and others, for one shot or a batch.
 
 Inputs (the names of `by` and of tangents) for a shot of n balls:
 
@@ -35,11 +35,13 @@ from billiards_env.derivatives.margins import push_margins
 from billiards_env.derivatives.nonsmooth import OVERFLOWS, REASONS, ROUNDING, find_nonsmooth
 from billiards_env.derivatives.sweeps import BALL_INPUTS, NUMBER_INPUTS, pull_lanes, push_lanes
 from billiards_env.engine.compile import PIC, Varied, physics_of_shots, scene_fields, varied_fields
-from billiards_env.engine.log import BALL_POCKET, KIND, SEGMENT_ROW, TIME
+from billiards_env.engine.log import BALL_POCKET, KIND, SEGMENT_ROW, TIME, ShotLog
 from billiards_env.engine.strikes import checked_strike
 from billiards_env.engine.threads import parallel_for
 from billiards_env.physics.state import LAW_NUMBERS, UX, UY, VX, VY, WZ, X, Y
 from billiards_env.scene import PARAMETERS, Physics, Scene, law_numbers
+from billiards_env.shots.result import ShotResult, check_no_scatter
+from billiards_env.shots.simulation import BatchResult
 from billiards_env.support.checks import integer, numbers, one_of, short
 
 Floats = NDArray[np.float64]
@@ -51,39 +53,52 @@ OUTPUTS = (*_BALL_OUTPUTS, *_EVENT_OUTPUTS)
 MARGINS = ("ball_margins", "pocket_margins", "cushion_margins")
 
 
-class Part(NamedTuple):
-    """The log of consecutive shots of a batch.
-
-    Attributes:
-        begin: The first shot.
-        end: One past the last.
-        events: (rows, EVENT_WIDTH) float64, see `engine.log`.
-        segments: (rows, ...) float64, see there.
-        bounds: (end - begin + 1, 2) int64: the first event and the first segment of each shot, then one past the last
-            of each.
-    """
-
-    begin: int
-    end: int
-    events: Floats
-    segments: Floats
-    bounds: NDArray[np.int64]
-
-
 class Record(NamedTuple):
     """What the derivatives of m shots need.
 
     Attributes:
         scene: The scene.
         time: (m,) Durations, s.
-        parts: The logs, in the order of the shots.
+        log: The log.
         varied: The numbers of `Physics` that differ from shot to shot.
     """
 
     scene: Scene
     time: Floats
-    parts: Sequence[Part]
+    log: ShotLog
     varied: Varied = MappingProxyType({})
+
+
+def record_of(shots: ShotResult | BatchResult) -> Record:
+    """Returns the record of recorded shots.
+
+    Raises:
+        TypeError: If `shots` is neither a shot nor a batch.
+        ValueError: If they were not recorded, or not run by PIC, or have flight or scatter.
+    """
+    if not isinstance(shots, ShotResult | BatchResult):
+        raise TypeError(f"shots = {short(shots)}: expected a ShotResult or a BatchResult")
+    if shots.log is None or shots.scene is None:
+        raise ValueError("shots.log = None: expected recorded shots, from simulate or simulate_batch with record=True")
+    if shots.engine != str(PIC):
+        raise ValueError(f"shots.engine = {shots.engine!r}: expected 'PIC', shots by PIT have no derivatives")
+    if shots.scene.physics.flight:
+        raise ValueError("physics.flight = True with derivatives: expected False, flights have no derivatives")
+    check_no_scatter(shots.scatter, "derivatives")
+    if isinstance(shots, ShotResult):
+        return Record(shots.scene, np.array([shots.time]), shots.log)
+    return Record(shots.scene, shots.time, shots.log, shots.varied)
+
+
+def _of_each(shots: ShotResult | BatchResult, result: Any) -> Any:
+    """Returns results with a leading axis for a batch; those of its only shot for a single shot."""
+    if isinstance(shots, BatchResult):
+        return result
+    if isinstance(result, dict):
+        return {name: array[0] for name, array in result.items()}
+    if isinstance(result, tuple):
+        return type(result)(*(array[0] if array.ndim > 1 else array[0].item() for array in result))
+    return result[0]
 
 
 class Nonsmooth(NamedTuple):
@@ -311,8 +326,7 @@ def _strike_derivatives(scene: Scene, parameters: Floats) -> tuple[Floats, Float
 def start_states(record: Record) -> Floats:
     """Returns (x, y, vx, vy, wx, wy, wz) of the balls at the start of each shot, (m, n, 7)."""
     n, radius = record.scene.n_balls, np.array(record.scene.balls.radius)
-    first = [part.segments[part.bounds[:-1, 1, None] + np.arange(n), SEGMENT_ROW:] for part in record.parts]
-    rows = np.concatenate(first)
+    rows = record.log.segments[record.log.bounds[:-1, 1, None] + np.arange(n), SEGMENT_ROW:]
     states = rows[..., [X, Y, VX, VY, UX, UY, WZ]]
     if record.scene.physics.motion == "sliding":  # u = v + R (-wy, wx)
         states[..., 4] = (rows[..., UY] - rows[..., VY]) / radius
@@ -355,7 +369,7 @@ def _most_events(record: Record, names: Sequence[str]) -> int:
     """Returns the number of events of the outputs, 0 if none is of events."""
     if not set(names) & set(_EVENT_OUTPUTS):
         return 0
-    return max((int(np.diff(part.bounds[:, 0]).max()) for part in record.parts), default=0)
+    return int(np.diff(record.log.bounds[:, 0]).max(initial=0))
 
 
 def _output_shape(record: Record, name: str) -> tuple[int, ...]:
@@ -385,18 +399,8 @@ def _for_all(record: Record, run: Callable[..., Any], threads: int | None, input
     fields, is_sphere = varied_fields(scene, PIC, record.varied, len(record.time)), scene.balls.shape == "sphere"
     constants = inputs is not None and inputs.shape[-1] > BALL_INPUTS * scene.n_balls
     changing = ALSO_CONSTANTS if constants else ONLY_STATES
-    begins = [part.begin for part in record.parts]
-
-    def work(begin: int, end: int) -> None:
-        k = int(np.searchsorted(begins, begin, side="right")) - 1
-        while begin < end:
-            part = record.parts[k]
-            until = min(end, part.end)
-            shots = part.begin, part.bounds, part.events, part.segments, fields, changing, is_sphere
-            run(begin, until, shots, *arrays)
-            begin, k = until, k + 1
-
-    parallel_for(work, len(record.time), threads)
+    shots = record.log.bounds, record.log.events, record.log.segments, fields, changing, is_sphere
+    parallel_for(lambda begin, end: run(begin, end, shots, *arrays), len(record.time), threads)
 
 
 def _push(record: Record, times: Floats, inputs: Floats, most: int, threads: int | None) -> tuple[Floats, Floats]:
@@ -461,12 +465,32 @@ def _by_columns(
     return _forwards(record, names, inputs, times, threads)
 
 
-def margins(record: Record, t: ArrayLike | None, threads: int | None) -> Margins:
-    """Implements `BatchResult.margins`."""
+def margins(shots: ShotResult | BatchResult, t: ArrayLike | None = None, threads: int | None = None) -> Margins:
+    """Returns the signed distances to changes of outcome: of balls to balls, to pockets and to cushions.
+
+    Their derivatives are `jacobian(shot, "pocket_margins", "velocities")`, and the same of "ball_margins" and
+    "cushion_margins".
+
+    Args:
+        shots: A recorded shot or batch.
+        t: Time until which the shot counts, s, or (m,) times; None for its end.
+        threads: Number of threads for a batch; None for that of `set_num_threads`.
+
+    Raises:
+        ValueError: As in `record_of`, or if t is negative or not finite.
+
+    Example:
+        >>> from billiards_env import Scene, simulate
+        >>> scene = Scene.named("ideal")  # balls of 28.575 mm: the cue ball passes at a gap of 3 mm
+        >>> shot = simulate(scene, [[-0.5, 0.06015], [0.0, 0.0]], [1.0, 0.0], max_time=0.9, record=True)
+        >>> round(float(margins(shot).balls[0, 1]), 6)
+        -0.003
+    """
+    record = record_of(shots)
     selected = _selected(record.scene, MARGINS)
     *arrays, _ = _push_margins(record, _times(record, t), _zeros(record, 0), selected, threads)
     columns_of = margin_columns(record.scene).values()
-    return Margins(*(array[..., column] for array in arrays for column in columns_of))
+    return _of_each(shots, Margins(*(array[..., column] for array in arrays for column in columns_of)))
 
 
 def _cue_ball_inputs(record: Record) -> Floats:
@@ -487,17 +511,19 @@ def _limited(slopes: Floats) -> Floats:
     return np.clip(np.where(np.isnan(slopes), _LARGEST, slopes), -_LARGEST, _LARGEST)
 
 
-def rest_by_cue_ball(record: Record) -> Floats:
+def rest_by_cue_ball(batch: BatchResult) -> Floats:
     """Returns the derivatives (m, 2, n, 2) of the positions at the end by the cue ball's velocity, see `_limited`."""
+    record = record_of(batch)
     return _limited(_push(record, record.time[:, None], _cue_ball_inputs(record), 0, 1)[0][:, 0, :, :, :2])
 
 
-def margins_by_cue_ball(record: Record, selected: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+def margins_by_cue_ball(batch: BatchResult, selected: NDArray[np.bool_]) -> tuple[Floats, Floats]:
     """Returns margins (m, n, q) of balls to the balls, pockets and cushions, and their derivatives (m, 2, n, q).
 
     The derivatives are those by the velocity of the cue ball, see `_limited`. Only the margins `selected` (n, q) are
     computed.
     """
+    record = record_of(batch)
     margins, _, slopes = _push_margins(record, record.time, _cue_ball_inputs(record), selected, 1)
     return margins, _limited(slopes)
 
@@ -526,14 +552,44 @@ def _per_shot(argument: str, name: str, value: ArrayLike, m: int, shape: tuple[i
 
 
 def jvp(
-    record: Record,
+    shots: ShotResult | BatchResult,
     tangents: Mapping[str, ArrayLike],
-    of: str | Sequence[str],
-    t: ArrayLike | None,
-    strike: ArrayLike | None,
-    threads: int | None,
+    of: str | Sequence[str] = "positions",
+    *,
+    t: ArrayLike | None = None,
+    strike: ArrayLike | None = None,
+    threads: int | None = None,
 ) -> Any:
-    """Implements `BatchResult.jvp`."""
+    """Returns the Jacobian times a vector: the change of outputs that a small change of inputs causes.
+
+    Args:
+        shots: A recorded shot or batch. For a batch all results have a leading axis m, and the bits are those of the
+            single shots. Inputs then have this axis too, or not if they are the same for all shots.
+        tangents: The changes of the inputs by name, such as {"velocities": [[0.1, 0.0], [0.0, 0.0]]}.
+            The module lists the inputs and the outputs with their shapes.
+        of: An output, or several.
+        t: Time of the positions, velocities and spins, s, or (m,) times; None for the end of the shot. The
+            derivatives of later events are 0.
+        strike: (5,) or (m, 5) speed, heading, side, top and elevation of the strike of the shot, if it is an input.
+        threads: Number of threads for a batch; None for that of `set_num_threads`.
+
+    Returns:
+        The change of the output, or a dict with those of the outputs by name. There is no derivative at an event
+        that `nonsmooth` reports: the result then treats impacts at one instant as successive, and neglects the
+        contact-time rule.
+
+    Raises:
+        ValueError: As in `record_of`, or if a name is unknown, an array has another shape,
+            t is negative or not finite, or `strike` is missing, not that of the shot, a miscue, or at a ball that
+            touched another one ahead of it.
+
+    Example:
+        >>> from billiards_env import Scene, simulate
+        >>> shot = simulate(Scene.named("ideal", 0), [[0.0, 0.0]], [0.5, 0.0], max_time=1.0, record=True)
+        >>> jvp(shot, {"velocities": [[0.0, 0.1]]}).tolist()
+        [[0.0, 0.1]]
+    """
+    record = record_of(shots)
     known, m, names = _inputs(record, strike), len(record.time), _names("of", of)
     if not isinstance(tangents, Mapping) or not tangents:
         raise ValueError(f"tangents = {short(tangents)}: expected a mapping from names of inputs to arrays")
@@ -546,18 +602,41 @@ def jvp(
     results = {
         name: change[:, 0] for name, change in _forwards(record, names, inputs, _times(record, t), threads).items()
     }
-    return results[of] if isinstance(of, str) else results
+    return _of_each(shots, results[of] if isinstance(of, str) else results)
 
 
 def vjp(
-    record: Record,
+    shots: ShotResult | BatchResult,
     cotangents: Mapping[str, ArrayLike],
-    by: str | Sequence[str],
-    t: ArrayLike | None,
-    strike: ArrayLike | None,
-    threads: int | None,
+    by: str | Sequence[str] = "velocities",
+    *,
+    t: ArrayLike | None = None,
+    strike: ArrayLike | None = None,
+    threads: int | None = None,
 ) -> Any:
-    """Implements `BatchResult.vjp`."""
+    """Returns a vector times the Jacobian: the gradient of a function of outputs with respect to inputs.
+
+    Args:
+        shots: A recorded shot or batch.
+        cotangents: The derivatives of the function with respect to the outputs by name.
+        by: An input, or several.
+        t: Time of the positions, velocities and spins, s, or (m,) times; None for the end of the shot.
+        strike: (5,) or (m, 5) speed, heading, side, top and elevation of the strike of the shot, if it is an input.
+        threads: Number of threads for a batch; None for that of `set_num_threads`.
+
+    Returns:
+        The gradient, or a dict with the gradients by name; see `jvp`.
+
+    Raises:
+        ValueError: As in `jvp`.
+
+    Example:
+        >>> from billiards_env import Scene, simulate
+        >>> shot = simulate(Scene.named("ideal", 0), [[0.0, 0.0]], [0.5, 0.0], max_time=1.0, record=True)
+        >>> vjp(shot, {"positions": [[3.0, 4.0]]}, by=("velocities", "mass"))
+        {'velocities': array([[3., 4.]]), 'mass': array([0.])}
+    """
+    record = record_of(shots)
     known, m, names = _inputs(record, strike), len(record.time), _names("by", by)
     for name in names:
         known.shape(name)
@@ -576,7 +655,7 @@ def vjp(
             results[name] = results[name] + np.einsum("mjk,mijk->mi", cotangent[:, 0], by_columns[of]).reshape(
                 m, *known.shape(name)
             )
-    return results[by] if isinstance(by, str) else results
+    return _of_each(shots, results[by] if isinstance(by, str) else results)
 
 
 def _pull_of(
@@ -594,28 +673,67 @@ def _pull_of(
 
 
 def jacobian(
-    record: Record, of: str, by: str, t: ArrayLike | None, strike: ArrayLike | None, threads: int | None
+    shots: ShotResult | BatchResult,
+    of: str = "positions",
+    by: str = "velocities",
+    *,
+    t: ArrayLike | None = None,
+    strike: ArrayLike | None = None,
+    threads: int | None = None,
 ) -> Floats:
-    """Implements `BatchResult.jacobian`: by columns or by rows, whichever are fewer; margins by columns."""
+    """Returns the derivative of an output with respect to an input, with the axes of `of` and then those of `by`.
+
+    Args:
+        shots: A recorded shot or batch.
+        of: An output.
+        by: An input.
+        t: Time of the positions, velocities and spins, s, or (m,) times; None for the end of the shot.
+        strike: (5,) or (m, 5) speed, heading, side, top and elevation of the strike of the shot, if it is an input.
+        threads: Number of threads for a batch; None for that of `set_num_threads`.
+
+    Raises:
+        ValueError: As in `jvp`.
+
+    Example:
+        >>> from billiards_env import Scene, simulate
+        >>> shot = simulate(Scene.named("ideal", 0), [[0.0, 0.0]], [0.5, 0.0], max_time=1.0, record=True)
+        >>> jacobian(shot)[0, :, 0].tolist()
+        [[1.0, 0.0], [0.0, 1.0]]
+    """
+    record = record_of(shots)
     known, m, times = _inputs(record, strike), len(record.time), _times(record, t)
     left, right = _output_shape(record, of), known.shape(by)
     rows, cols = math.prod(left), math.prod(right)
-    if cols <= rows or of in MARGINS:
+    if cols <= rows or of in MARGINS:  # by columns or by rows, whichever are fewer
         jacobians = _by_columns(record, known, (of,), by, times, threads)[of]
         jacobians = np.moveaxis(jacobians.reshape(m, cols, rows), 1, 2)
     else:
         unit = np.broadcast_to(np.eye(rows).reshape(rows, *left), (m, rows, *left))
         inputs = _pull_of(record, {of: unit}, times, rows, (by,), threads)
         jacobians = known.pull(by, inputs)
-    return np.ascontiguousarray(jacobians.reshape(m, *left, *right))
+    return _of_each(shots, np.ascontiguousarray(jacobians.reshape(m, *left, *right)))
 
 
 _HUGE = 1e100  # a derivative that overflows in the next impacts
 _FEW = 16  # events, after which no derivative is `_HUGE`: an impact that does not graze multiplies it by less than 1e6
 
 
-def nonsmooth(record: Record, t: ArrayLike | None, threads: int | None) -> Nonsmooth:
-    """Implements `BatchResult.nonsmooth`."""
+def nonsmooth(shots: ShotResult | BatchResult, t: ArrayLike | None = None, threads: int | None = None) -> Nonsmooth:
+    """Returns the first event at which the shot has no derivative, with the reason, see `Nonsmooth`.
+
+    Args:
+        shots: A recorded shot or batch.
+        t: Time until which the shot counts, s, or (m,) times; None for its end.
+        threads: Number of threads for a batch; None for that of `set_num_threads`.
+
+    Raises:
+        ValueError: As in `record_of`, or if t is negative or not finite.
+    """
+    return _of_each(shots, _nonsmooth(record_of(shots), t, threads))
+
+
+def _nonsmooth(record: Record, t: ArrayLike | None, threads: int | None) -> Nonsmooth:
+    """Returns the fields of `Nonsmooth` as arrays (m,)."""
     first_nonsmooth, times = np.empty((len(record.time), 2), np.int64), _times(record, t)
     _for_all(record, find_nonsmooth, threads, None, times, np.array([ROUNDING]), first_nonsmooth)
     most = _most_events(record, ("event_times",))
@@ -637,22 +755,34 @@ SAFETY = 100.0
 """The ratio of the bounds of `certainty` to the condition times the unit roundoff, see `Certainty`."""
 
 
-def certainty(record: Record) -> Certainty:
-    """Implements `ShotResult.certainty`."""
+def certainty(shots: ShotResult | BatchResult) -> Certainty:
+    """Returns the number of certain contacts and whether the outcome is certain, see `Certainty`.
+
+    Args:
+        shots: A recorded shot or batch.
+
+    Raises:
+        ValueError: As in `record_of`.
+
+    Example:
+        >>> from billiards_env import Scene, simulate
+        >>> shot = simulate(Scene.named("pool"), [[-0.5, 0.0], [0.0, 0.01]], [2.0, 0.0], record=True)
+        >>> certainty(shot).outcome
+        True
+    """
+    record = record_of(shots)
     m, first_nonsmooth = len(record.time), np.empty((1, 2), np.int64)
     contacts, outcomes = np.empty(m, np.int64), np.empty(m, np.bool_)
     for k in range(m):
-        shot = _shots(record, k, k + 1)
-        (part,) = shot.parts
-        events = part.events[part.bounds[0, 0] : part.bounds[1, 0]]
-        alone = shot._replace(parts=[part._replace(events=events, bounds=part.bounds - [[part.bounds[0, 0], 0]])])
+        alone = _shots(record, k, k + 1)
+        events = alone.log.events
         bounds = _error_bounds(alone, len(events))
         _for_all(alone, find_nonsmooth, 1, None, alone.time, bounds, first_nonsmooth)
         (event, reason), at = first_nonsmooth[0], np.flatnonzero(events[:, KIND] <= BALL_POCKET)
         unordered = np.flatnonzero(np.diff(events[at, TIME]) <= bounds[at[1:], 1])
         contacts[k] = min([len(at) if reason < 0 else np.searchsorted(at, event), *unordered[:1]])
         outcomes[k] = reason < 0 and contacts[k] == len(at)
-    return Certainty(contacts, outcomes)
+    return _of_each(shots, Certainty(contacts, outcomes))
 
 
 def _error_bounds(record: Record, n_events: int) -> Floats:
@@ -665,16 +795,32 @@ def _error_bounds(record: Record, n_events: int) -> Floats:
     return np.maximum(bounds, ROUNDING)
 
 
-def sensitivities(record: Record, times: ArrayLike) -> Iterator[Sensitivity]:
-    """Returns an iterator over `ShotResult.sensitivity` of one shot at several ascending times, s.
+def sensitivity(shot: ShotResult, t: float | None = None) -> Sensitivity:
+    """Returns the derivative of the positions at time t with respect to the initial state of the balls.
+
+    Args:
+        shot: A recorded shot.
+        t: Seconds since the start of the shot; None for its end.
+
+    Raises:
+        TypeError, ValueError: As in `record_of`, or if t is negative or not finite.
+    """
+    return next(sensitivities(shot, [shot.time if t is None else t]))
+
+
+def sensitivities(shot: ShotResult, times: ArrayLike) -> Iterator[Sensitivity]:
+    """Returns the `sensitivity` at each of several ascending times, s, computed in one pass.
 
     A time after the end of the shot counts as its end. An event exactly at a time counts as past.
 
     Raises:
-        ValueError: If a time is negative, not finite or earlier than the one before.
+        TypeError, ValueError: As in `record_of`, or if a time is negative, not finite or earlier than the one before.
     """
+    record = record_of(shot)
+    if isinstance(shot, BatchResult):
+        raise TypeError("shot = a BatchResult: expected a ShotResult, such as batch[0]")
     array = numbers("times", times)
-    if not (np.isfinite(array).all() and (array >= 0).all() and (np.diff(array) >= 0).all()):
+    if not (array.ndim == 1 and np.isfinite(array).all() and (array >= 0).all() and (np.diff(array) >= 0).all()):
         raise ValueError(f"times = {short(times)}: expected finite numbers of seconds >= 0 in ascending order")
     return _sensitivities(record, np.minimum(array, record.time))
 
@@ -683,10 +829,10 @@ _TIMES = 64  # number of times in one pass, which bounds the memory
 
 
 def _sensitivities(record: Record, array: Floats) -> Iterator[Sensitivity]:
-    (part,), n = record.parts, record.scene.n_balls
-    scale, (events, reasons) = np.abs(start_states(record)[0]), nonsmooth(record, None, 1)
+    n = record.scene.n_balls
+    scale, (events, reasons) = np.abs(start_states(record)[0]), _nonsmooth(record, None, 1)
     event = int(events[0])
-    last = np.inf if not reasons[0] else part.events[event, TIME] if event >= 0 else -1.0
+    last = np.inf if not reasons[0] else record.log.events[event, TIME] if event >= 0 else -1.0
     for block in np.split(array, range(_TIMES, len(array), _TIMES)):
         for time, jacobian in zip(block.tolist(), _ball_jacobians(record, block), strict=True):
             scaled = (jacobian * scale).reshape(n, 2, -1)
@@ -707,11 +853,11 @@ def _ball_jacobians(record: Record, times: Floats) -> Floats:
 _BLOCK = 2**23  # numbers in the outputs of one call of `push_lanes`
 
 
-def start_jacobians(record: Record, times: Floats, ball: int, names: Sequence[str], threads: int | None) -> Floats:
+def start_jacobians(batch: BatchResult, times: Floats, ball: int, names: Sequence[str], threads: int | None) -> Floats:
     """Returns the derivatives of the positions of m shots at ascending times (m, q) by their starts and by numbers.
 
     Args:
-        record: The record.
+        batch: The recorded shots.
         times: s; not later than the ends of the shots.
         ball: The ball with a velocity.
         names: Numbers of `Physics`, see `physics_inputs`.
@@ -721,6 +867,7 @@ def start_jacobians(record: Record, times: Floats, ball: int, names: Sequence[st
         (m, q, 2 n + 5 + len(names), n, 2) float64: the derivatives with respect to the positions of the n balls, the
         velocity and the spin of the ball, and the numbers.
     """
+    record = record_of(batch)
     (m, q), n = times.shape, record.scene.n_balls
     known = physics_inputs(record.scene.physics) if names else {}
     start = [BALL_INPUTS * i + axis for i in range(n) for axis in (0, 1)]
@@ -742,11 +889,5 @@ def start_jacobians(record: Record, times: Floats, ball: int, names: Sequence[st
 
 def _shots(record: Record, begin: int, end: int) -> Record:
     """Returns the record of shots `begin` to `end` - 1."""
-    parts = []
-    for part in record.parts:
-        first, last = max(begin, part.begin), min(end, part.end)
-        if first < last:
-            bounds = part.bounds[first - part.begin : last - part.begin + 1]
-            parts.append(Part(first - begin, last - begin, part.events, part.segments, bounds))
     varied = {name: values[begin:end] for name, values in record.varied.items()}
-    return Record(record.scene, record.time[begin:end], parts, varied)
+    return Record(record.scene, record.time[begin:end], record.log.shots(begin, end), varied)

@@ -106,16 +106,14 @@ class RecordedShots(NamedTuple):
     """Recorded shots. An entry point takes them as a plain tuple of these fields.
 
     Attributes:
-        first: The number of the first shot in the log.
-        bounds: (shots + 1, 2) int64: `Log.begins`, and the numbers of used rows.
-        events: `Log.events`.
-        segments: `Log.segments`.
+        bounds: `ShotLog.bounds`.
+        events: `ShotLog.events`.
+        segments: `ShotLog.segments`.
         scene: The `SceneArrays`, as a plain tuple.
         changing: What changes, see `derivatives.lanes.ONLY_STATES`.
         is_sphere: Whether the balls are spheres.
     """
 
-    first: Any
     bounds: Any
     events: Any
     segments: Any
@@ -137,7 +135,7 @@ class RecordedShot(NamedTuple):
 @expanded
 def shot_of(shots, k):
     """Returns the `RecordedShot` with the number k."""
-    at, after = shots.bounds[k - shots.first], shots.bounds[k - shots.first + 1]
+    at, after = shots.bounds[k], shots.bounds[k + 1]
     events, segments = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]]
     return RecordedShot(events, segments, scene_of(shots.scene, k), shots.changing, shots.is_sphere)
 
@@ -191,7 +189,7 @@ class Tape(NamedTuple):
 def empty_tape(begin, end, shots, lanes):
     """Returns the `Tape` for shots `begin` to `end` - 1 of the `RecordedShots`."""
     events, pieces, n, bounds = 1, 1, len(shots.scene[1]), shots.bounds
-    for k in range(begin - shots.first, end - shots.first):
+    for k in range(begin, end):
         events = max(events, bounds[k + 1, 0] - bounds[k, 0])
         pieces = max(pieces, bounds[k + 1, 1] - bounds[k, 1])
     return Tape(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,6 +67,44 @@ def empty_log(n_events: int = 0, n_segments: int = 0, n_shots: int = 0, flight: 
     width = SEGMENT_ROW + (FLIGHT_WIDTH if flight else WIDTH)
     events, segments = np.empty((n_events, EVENT_WIDTH)), np.empty((n_segments, width))
     return Log(events, segments, np.zeros(3, np.int64), np.zeros((n_shots, 2), np.int64))
+
+
+class ShotLog(NamedTuple):
+    """The events and trajectories of m recorded shots, one after the other.
+
+    `ShotResult.events`, `ShotResult.trajectory` and `billiards_env.derivatives` read it.
+
+    Attributes:
+        events: (e, EVENT_WIDTH) float64; the columns are `TIME` to `RULE` of this module.
+        segments: (s, SEGMENT_ROW + w) float64, the pieces of the trajectories in the order in which they begin; w is
+            the width of `State.rows`. The first n pieces of a shot of n balls begin with the shot.
+        bounds: (m + 1, 2) int64: the first event and the first segment of each shot, then the numbers of both.
+    """
+
+    events: Floats
+    segments: Floats
+    bounds: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, log: Log) -> ShotLog:
+        """Returns views of the rows of a `Log` that are in use."""
+        begins = log.begins if len(log.begins) else np.zeros((1, 2), np.int64)
+        n_events, n_segments = log.used[:2]
+        return cls(log.events[:n_events], log.segments[:n_segments], np.concatenate((begins, log.used[None, :2])))
+
+    def shots(self, begin: int, end: int) -> ShotLog:
+        """Returns views of the rows of shots `begin` to `end` - 1."""
+        first, last = self.bounds[begin], self.bounds[end]
+        rows = self.events[first[0] : last[0]], self.segments[first[1] : last[1]]
+        return ShotLog(*rows, self.bounds[begin : end + 1] - first)
+
+
+def joined(logs: Sequence[ShotLog]) -> ShotLog:
+    """Returns the log of the shots of some logs, at least one."""
+    ends = np.cumsum([log.bounds[-1] for log in logs], axis=0)
+    bounds = [log.bounds[:-1] + end - log.bounds[-1] for log, end in zip(logs, ends, strict=True)]
+    events, segments = (np.concatenate(rows) for rows in ([x.events for x in logs], [x.segments for x in logs]))
+    return ShotLog(events, segments, np.concatenate((*bounds, ends[-1:])))
 
 
 NO_LOG = tuple(empty_log())

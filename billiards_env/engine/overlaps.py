@@ -308,8 +308,8 @@ _hit_balls, _hit_cushion = _going_back(_rewind)
 
 TREATMENTS = {
     "push_apart": Fix(
-        "The impulse acts along the line of centres at the overlap. Then they are moved apart along this line until "
-        "they touch, the lighter ball further. A ball beyond a cushion is moved back to it",
+        "The impulse acts along the line of centres of the overlapping balls. Then they are moved apart along this "
+        "line until they touch, the lighter ball further. A ball beyond a cushion is moved back to it",
         False,
         FixKernels(_keep_contacts, _push_apart, _push_inside, _push_along, _keep_motion, _bring_back),
     ),

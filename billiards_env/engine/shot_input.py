@@ -29,12 +29,12 @@ from billiards_env.support.checks import (
     MAX_SPIN,
     RANGES,
     Range,
+    array_of,
     numbers,
     range_text,
     real,
     shaped,
     short,
-    unmasked,
 )
 
 Floats = NDArray[np.float64]
@@ -287,7 +287,7 @@ def _of_shot(k: int) -> Iterator[None]:
 
 def _fill_in_play(array: NDArray[np.bool_], values: ArrayLike | None) -> None:
     """Fills an array with given values, or with True."""
-    in_play, shape = np.asarray(True if values is None else unmasked("in_play", values)), array.shape
+    in_play, shape = array_of("in_play", True if values is None else values), array.shape
     if in_play.dtype != np.bool_:
         raise ValueError(f"in_play = {short(values)}: expected True or False for each ball")
     if values is not None and in_play.shape not in (shape, shape[-1:]):

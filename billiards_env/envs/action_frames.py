@@ -11,8 +11,8 @@ frames are:
 
 A cut is positive if the cue ball is aimed clockwise of the line of centres. The object ball then moves to the left.
 
-The kernels use only `+ - * /` and `sqrt`, as the engine does. An action is therefore the same shot on every IEEE 754
-machine, and mirrored balls and cuts have mirrored velocities bit for bit.
+The kernels use only `+ - * /` and `sqrt`, as the engine does. IEEE 754 therefore defines the bits of the shot,
+and mirrored balls and cuts have mirrored velocities bit for bit.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ five numbers that describe the motion of the cue:
   which the tip slips (`Cue.miscue_offset`).
 * `elevation` is the elevation of the cue divided by 90 degrees. Negative numbers count as 0.
 
-The kernels use only `+ - * /` and `sqrt`, as the engine does, so an action is the same shot on every IEEE 754 machine.
+The kernels use only `+ - * /` and `sqrt`, as the engine does, so IEEE 754 defines the bits of the shot.
 """
 
 from __future__ import annotations

@@ -25,6 +25,7 @@ from billiards_env.scene import Balls, Scene, check_ends_on_cloth, check_positio
 from billiards_env.shots.noise import EXECUTION_NOISE, check_scatter
 from billiards_env.support.checks import (
     Range,
+    array_of,
     entry_of,
     flag,
     integer,
@@ -35,7 +36,6 @@ from billiards_env.support.checks import (
     short,
     short_name,
     suggestion,
-    unmasked,
 )
 
 if TYPE_CHECKING:
@@ -456,7 +456,7 @@ def check_options(
         goals = goals.reshape(-1, 1, 2)
     if "episode_seed" in options:
         name = "options['episode_seed']"
-        array = np.asarray(unmasked(name, options["episode_seed"]))
+        array = array_of(name, options["episode_seed"])
         if array.dtype != np.int64 or array.shape != (*many, 8):
             raise ValueError(f"{name} = {short(array)}: expected int64 of shape {(*many, 8)}, as in info")
         seeds = array.view(np.uint64).reshape(-1, 8)

@@ -114,25 +114,34 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
 
     ## Rewards
 
-    The reward of a shot is its points, minus `scratch_penalty` if the cue ball is potted (a scratch):
+    The reward of a shot is its points, minus `scratch_penalty` if the cue ball is potted (a scratch). The episode
+    terminates when `max_shots` shots are played or the task is decided. It is never truncated, because the limit on
+    shots is part of the task. The points of each task, and what decides it:
 
     - `task="pot"`: 1 point for each object ball that is potted. Object balls of infinite mass are obstacles and do not
-      count.
-    - `task="carom"`: 1 point if the cue ball touches all object balls and is not potted.
+      count. Potted object balls stay out of play in later shots. Decided when all object balls or the cue ball are
+      potted.
+    - `task="carom"`: 1 point if the cue ball touches all object balls and is not potted. Decided when any ball is
+      potted.
     - `task="three_cushion"`: 1 point as in `"carom"`, if the cue ball has at least three cushion contacts before it
-      touches the last object ball for the first time.
+      touches the last object ball for the first time. Decided as in `"carom"`.
     - `task="sum_to_three"`: 1 point if the cue ball touches the object ball and the two balls together have exactly
-      three cushion contacts, before or after they touch.
+      three cushion contacts, before or after they touch. Never decided.
     - `task="place"`: 1 point if the cue ball touches an object ball, is not potted, and comes to rest at most
       `goal_radius` (0.15 m) from the goal. If no object ball is on the table, the cue ball does not have to touch one.
+      Decided when the point is scored or the cue ball is potted.
     - `task="position"`: 1 point if an object ball is potted, the cue ball is not, and the cue ball comes to rest at
-      most `goal_radius` (0.3 m) from the goal.
-    - `task="clear"`: 1 point if the last object ball is potted and the cue ball is not.
+      most `goal_radius` (0.3 m) from the goal. Decided when the point is scored, the cue ball is potted, or no object
+      ball is left.
+    - `task="clear"`: 1 point if the last object ball is potted and the cue ball is not. Decided as in `"pot"`.
     - `task="jump"`: 1 point if ball 1 is potted, the cue ball touches it before any other ball or cushion, the cue
-      ball is not potted, and no ball is driven off the table.
+      ball is not potted, and no ball is driven off the table. Decided when ball 1 or the cue ball is out of play.
     - `task="nine_ball"`: 1 point for each ball potted without a foul. The nine ball also scores 1 point for each ball
-      that is left on the table, so a run-out scores 9 points.
-    - `task="eight_ball"`: 1 point for each ball of the group potted without a foul, and for the eight ball.
+      that is left on the table, so a run-out scores 9 points. Decided by a foul, by a shot without a point, and when
+      the nine ball is potted.
+    - `task="eight_ball"`: 1 point for each ball of the group potted without a foul, and for the eight ball. Decided by
+      a foul, by a shot without a point, and when the eight ball is potted. An eight ball potted before it is on, also
+      in the break, ends the episode without success.
 
     In the run-outs a shot has no foul if the cue ball first touches a ball that is on, a ball then touches a cushion or
     is potted, and the cue ball is not potted. In nine ball the lowest ball is on. In eight ball all balls are on in the
@@ -215,25 +224,8 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
 
     The argument `layout` selects the starting positions of the balls. By default the task selects it:
     `"carom_opening"` in `"carom"` and `"three_cushion"`, `"line"` in `"sum_to_three"`, `"snookered"` in `"jump"`, the
-    rack of the game in the run-outs, and `"random"` in the others. The layouts are:
-
-    - `"random"`: all balls anywhere on the table, at least 1 mm from each other, from the cushions and from the
-      pockets.
-    - `"rack"`: the cue ball anywhere behind the head string (x = -length / 4 in pool), the object balls in a triangle
-      at the foot spot (x = length / 4), with random gaps of 0.1 to 0.5 mm. 9 object balls form a diamond.
-    - `"tight_rack"`: as `"rack"`, but the object balls touch each other.
-    - `"nine_ball"`: as `"rack"` with 9 object balls: the 1 at the front, the 9 in the middle, the others in a random
-      order.
-    - `"nine_ball_2025"`: as `"nine_ball"`, with the 9 on the foot spot.
-    - `"ten_ball"`: as `"rack"` with 10 object balls: the 1 at the front, the 10 in the middle of the row of three.
-    - `"eight_ball"`: as `"rack"` with 15 object balls: the 8 in the middle, a ball of each group at the rear corners,
-      the others in a random order.
-    - `"carom_opening"`: the opening position of carom billiards, with one or two object balls.
-    - `"line"`: the cue ball and one object ball on the long axis of the table.
-    - `"snookered"`: the cue ball and ball 1 anywhere, and ball 2 halfway between them, so that no straight path of the
-      cue ball hits ball 1 first.
-    - `"snooker"`: the start of a frame of snooker, with the cue ball anywhere in the D. The scene needs a table with a
-      D, such as `"snooker"`.
+    rack of the game in the run-outs, and `"random"` in the others. The docstring of `billiards_env.scene.layouts`
+    describes the layouts.
 
     In a task with a goal, the goal is then drawn uniformly from all positions that the cue ball can have on an empty
     table. The goal does not change during an episode.
@@ -246,24 +238,6 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     `reset(options={"positions": [[x, y], ...]})` sets the positions of all balls, in metres from the centre of the
     table. `reset(options={"goal": [x, y]})` sets the goal, and `reset(options={"physics": {"mu_roll": 0.01}})` a number
     of `randomize`, within its range.
-
-    ## Episode End
-
-    The episode terminates when `max_shots` shots are played or the task is decided. It is never truncated, because the
-    limit on shots is part of the task. A task is decided as follows:
-
-    - `task="pot"`: when all object balls are potted, or the cue ball is potted. Potted object balls stay out of play
-      in later shots.
-    - `task="carom"` and `task="three_cushion"`: when any ball is potted, on a table with pockets. Other shots do not
-      end the episode, with or without a point.
-    - `task="sum_to_three"`: never.
-    - `task="place"`: when the point is scored, or the cue ball is potted.
-    - `task="position"`: when the point is scored, the cue ball is potted, or no object ball is left.
-    - `task="clear"`: as in `"pot"`.
-    - `task="jump"`: when ball 1 or the cue ball is out of play.
-    - `task="nine_ball"` and `task="eight_ball"`: after a foul, after a shot that scores no point, and when the nine
-      ball or the eight ball is potted. An eight ball potted before it is on, also in the break, ends the episode
-      without success.
 
     ## Info
 
@@ -359,10 +333,8 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
       m) and "elevation_std" (degrees) to numbers. Missing ones are 0.125, 0.075, 0.0005 and 0.1, those of the pool
       tournaments at the Computer Olympiad (Smith 2007, PickPocket: A computer billiards shark). The speed stays
       between 0 and `max_speed`. A shot of speed 0 stays at speed 0. An action is clipped before the noise is added.
-    - `scatter` gives each impact on a cushion random differences, see `physics.scatter`. It maps "normal_std" (of the
-      speed along the normal, as a share of it), "along_std" (of the speed along the cushion, as a share of the speed)
-      and "spin_std" (of the spins times the radius, as a share of the speed) to numbers. Missing ones have the values
-      of a real table, `shots.noise.SCATTER`.
+    - `scatter` gives each impact on a cushion random differences, see `physics.scatter`. It maps "normal_std",
+      "along_std" and "spin_std" to numbers. Missing ones have the values of a real table, `shots.noise.SCATTER`.
     - `fix` is a name in `billiards_env.engine.overlaps.TREATMENTS`; None means the first, `"push_apart"`.
     - `"module:name"` names a task, a scene, a layout, a feature or an action that a package of yours registers.
     - An `EnvSpec` can be converted to JSON and back. The spec stores a `Scene` as a dict. All other arguments are JSON

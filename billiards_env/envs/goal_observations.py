@@ -20,7 +20,7 @@ from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.tasks import touches_a_ball
 from billiards_env.jit import entry_point, specialised
 from billiards_env.physics.state import CUE_BALL, X, Y
-from billiards_env.support.checks import unmasked
+from billiards_env.support.checks import numbers
 
 ACHIEVED, DESIRED = "achieved_goal", "desired_goal"
 CONDITION = 2
@@ -71,8 +71,8 @@ def compute_reward(
     Returns:
         (...) float64.
     """
-    achieved = np.asarray(unmasked("achieved_goal", achieved_goal), np.float64)
-    desired = np.asarray(unmasked("desired_goal", desired_goal), np.float64)
+    achieved = numbers("achieved_goal", achieved_goal)
+    desired = numbers("desired_goal", desired_goal)
     (dx, dy), got = np.moveaxis(achieved[..., :2] - desired[..., :2], -1, 0), achieved[..., CONDITION]
     reached = (dx * dx + dy * dy <= radius * radius) & (got >= np.maximum(desired[..., CONDITION], 0.0))
     return reached - scratch_penalty * (got < 0.0)

@@ -599,7 +599,7 @@ def decode(observation: Any, features: Mapping[str, tuple[int, ...]]) -> dict[st
         return {name: row[name] if name in row else observation[name] for name in features}
     if not row_of(features):
         return dict.fromkeys(features, observation)
-    *many, size = observation.shape
+    *many, size = getattr(observation, "shape", ()) or (0,)
     if size != (expected := sum(map(math.prod, features.values()))):
         raise ValueError(f"observation has {size} numbers: expected {expected}, of {', '.join(features)}")
     decoded, first = {}, 0

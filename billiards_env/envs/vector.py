@@ -234,7 +234,7 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
             return None
         try:
             return np.arange(self.num_envs)[rows].reshape(-1)
-        except IndexError as error:
+        except (IndexError, ValueError) as error:  # a ValueError for lists of several lengths
             raise ValueError(f"rows = {short(rows)}: expected numbers of environments ({error})") from None
 
     def _draw_layouts(self) -> None:
@@ -519,7 +519,7 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
         if isinstance(seed, (int, np.integer)):
             first = integer("seed of environment 0", int(seed), "seed")
             return list(range(first, first + self.num_envs))
-        if not isinstance(seed, (list, tuple, np.ndarray)):
+        if not isinstance(seed, (list, tuple, np.ndarray)) or (isinstance(seed, np.ndarray) and seed.ndim == 0):
             raise TypeError(f"seed = {short(seed)}: expected a whole number >= 0, or a list with one per environment")
         seeds = list(seed)
         if len(seeds) != self.num_envs:

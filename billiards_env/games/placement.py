@@ -2,7 +2,7 @@
 
 A placed ball keeps a gap of at least `PLACING_GAP` to other balls, cushions and pockets, or of `SPOT_GAP` on the spots
 of snooker. A spotted ball of pool may touch object balls. The computation uses only `+ - * /` and `sqrt` of doubles, so
-a point has the same bits on every IEEE 754 machine.
+IEEE 754 defines the bits of a point.
 
 The kernels read `table`, a `PlacementNumbers`, and change `positions`, those of all balls of one game, (n, 2) m. Sets
 of balls are bit masks. A kernel that finds no room on the table returns a flag, and the functions that Python calls

@@ -483,13 +483,13 @@ def check_stroke(scene: Scene, stroke: Stroke) -> None:
     for name, value, kind in (("stroke", stroke, Stroke), ("stroke.call", getattr(stroke, "call", None), Call)):
         if not isinstance(value, kind):
             raise TypeError(f"{name} = {short(value)}: expected the type {kind.__name__}, not {type(value).__name__}")
-    axes = 3 if scene.physics.flight and np.shape(stroke.velocity) == (3,) else 2
-    for name, count, within in (("velocity", axes, "speed"), ("place", 2, "coordinate"), ("spin", 3, "spin")):
+    axes = (2, 3) if scene.physics.flight else (2,)
+    for name, counts, within in (("velocity", axes, "speed"), ("place", (2,), "coordinate"), ("spin", (3,), "spin")):
         values = getattr(stroke, name)
         if name == "place" and values is None:
             continue
-        right = isinstance(values, (list, tuple, np.ndarray)) and len(values) == count
-        _expect(right, f"stroke.{name} = {short(values)}", f"{('two', 'three')[count - 2]} numbers")
+        right = isinstance(values, (list, tuple, np.ndarray)) and len(values) in counts
+        _expect(right, f"stroke.{name} = {short(values)}", f"{('two', 'three')[counts[0] - 2]} numbers")
         for i, value in enumerate(values):
             real(f"stroke.{name}[{i}]", value, within)
 

@@ -12,16 +12,7 @@ from typing import Any, overload
 import numpy as np
 
 from billiards_env.games.game_state import CALLS, to_dict
-from billiards_env.games.playing import (
-    STATE_FIELDS,
-    Call,
-    GameState,
-    History,
-    Setup,
-    Stroke,
-    custom_opening,
-    play,
-)
+from billiards_env.games.playing import STATE_FIELDS, Call, GameState, History, Setup, Stroke, custom_opening, play
 from billiards_env.shots import records as shots
 from billiards_env.shots.records import Rows, ShotRecord, check_equal, fields, head, items, pair, rows_of, tuples
 from billiards_env.shots.result import ShotResult

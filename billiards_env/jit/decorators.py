@@ -148,7 +148,7 @@ def kernels_of(what: str) -> Iterator[None]:
 
 
 def _compiled(dispatcher: type[CPUDispatcher], function: F, **options: Any) -> F:
-    # Without fastmath the compiler does not fuse or reorder operations, so results are the same on every machine. With
+    # Without fastmath the compiler does not fuse or reorder operations, so IEEE 754 defines the results. With
     # `error_model="numpy"` a division by zero is infinite and does not raise an exception.
     # Numba would inherit `forceinline` from the caller that is compiled first.
     fixed = {"nopython": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, "forceinline": False}

@@ -2,7 +2,7 @@
 
 The error-free sums and products follow Knuth (1969, section 4.2.2) and Dekker (1971). The other operations follow
 Hida, Li and Bailey (2001), Algorithms for Quad-Double Precision Floating Point Arithmetic. Only `+ - * /` are
-used, so results have the same bits on every IEEE 754 machine.
+used, so IEEE 754 defines the bits of the results.
 """
 
 from __future__ import annotations

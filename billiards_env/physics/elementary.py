@@ -1,4 +1,4 @@
-"""Elementary functions from `+ - * /` and `sqrt` only, so that they have the same bits on every IEEE 754 machine.
+"""Elementary functions from `+ - * /` and `sqrt` only, so that IEEE 754 defines the bits of the results.
 
 The reductions of the argument and the polynomials come from the library fdlibm (Sun Microsystems 1993). The errors
 are below 2 ulp, and those of `sine_cosine` below 1e-16 near a zero.

@@ -84,11 +84,7 @@ KEYS: tuple[tuple[str, str, dict[str, tuple[Any, ...]]], ...] = (
         "save the game; a new game when one is over; quit",
         {"s": ("answer_save",), "n": ("begin_again",), "q": ("quit",)},
     ),
-    (
-        "H, F1",
-        "these keys; the rules of the game",
-        {"h": (act.toggle_page, "keys"), "f1": (act.toggle_page, "rules")},
-    ),
+    ("H, F1", "these keys; the rules of the game", {"h": (act.toggle_page, "keys"), "f1": (act.toggle_page, "rules")}),
 )
 """The page of the keys and mouse actions: their names and effects, and the actions of the keys.
 

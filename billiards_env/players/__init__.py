@@ -1,4 +1,4 @@
-"""Players that need no training: random, geometric and search.
+"""Players that need no training, such as search, aim and the planner.
 
 Modules:
     situation: What a player gets, and the situation in a game.

@@ -26,7 +26,7 @@ from billiards_env.scene import Scene, check_scene
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import BatchResult, simulate, simulate_batch
 from billiards_env.shots.tables import Tables
-from billiards_env.support.checks import Range, finite, flag, integer, real, shaped, short, unmasked
+from billiards_env.support.checks import Range, array_of, finite, flag, integer, real, shaped, short
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -243,7 +243,7 @@ def _checked(
     n, checked = scene.n_balls, tuple(goals) if isinstance(goals, Sequence) else (goals,)
     if not checked or not all(isinstance(goal, Goal) for goal in checked):
         raise ValueError(f"goals = {short(goals)}: expected goals such as Pot(1)")
-    in_play = np.ones(n, bool) if in_play is None else np.array(unmasked("in_play", in_play))
+    in_play = np.ones(n, bool) if in_play is None else array_of("in_play", in_play)
     if in_play.shape != (n,) or in_play.dtype != bool or not in_play[CUE_BALL]:
         raise ValueError(f"in_play = {short(in_play)}: expected ({n},) bool, with the cue ball in play")
     for goal in checked:
@@ -406,7 +406,7 @@ def _steps(rows: Floats, residuals: Floats) -> Floats:
 
 def _leave_rows(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
     """Returns the derivatives (m, r, 2) and the residuals (m, r) of the places of the balls at rest."""
-    by = rest_by_cue_ball(batch._record("jacobian"))
+    by = rest_by_cue_ball(batch)
     balls = [leave.ball for leave in _leaves(problem)]
     residuals = batch.positions[:, balls] - [leave.position for leave in _leaves(problem)]
     return np.moveaxis(by[:, :, balls], 1, 3).reshape(len(batch), -1, 2), residuals.reshape(len(batch), -1)
@@ -431,7 +431,7 @@ def _margins(problem: _Problem, batch: BatchResult) -> tuple[Floats, Floats]:
     A shot that first touches another ball has the margin by which it must miss this ball.
     """
     shots, n = np.arange(len(batch)), problem.table.scene.n_balls
-    values, slopes = margins_by_cue_ball(batch._record("jacobian"), _selected_margins(problem))
+    values, slopes = margins_by_cue_ball(batch, _selected_margins(problem))
     margins, by = np.full((len(batch), len(problem.goals)), np.inf), np.zeros((len(batch), len(problem.goals), 2))
     for g, goal in enumerate(problem.goals):
         if not isinstance(goal, Pot | Touch | FirstTouch):

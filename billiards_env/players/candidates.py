@@ -136,14 +136,7 @@ class _Pots(NamedTuple):
 
 
 def _pots(
-    setup: Setup,
-    game: GameState,
-    places: Floats,
-    max_speed: float,
-    noise: float,
-    tips: Tips,
-    most: int,
-    budget: Budget,
+    setup: Setup, game: GameState, places: Floats, max_speed: float, noise: float, tips: Tips, most: int, budget: Budget
 ) -> _Pots | None:
     """Returns the pots of the legal balls, at most `most` of them indirect; None if there are none."""
     state, n, only_banks = game.state, len(game.positions), setup.game_rules.banks
@@ -197,13 +190,7 @@ def _near(
 
 
 def _anywhere(
-    setup: Setup,
-    game: GameState,
-    places: Floats,
-    count: int,
-    max_speed: float,
-    rng: np.random.Generator,
-    tips: Tips,
+    setup: Setup, game: GameState, places: Floats, count: int, max_speed: float, rng: np.random.Generator, tips: Tips
 ) -> Candidates:
     """Returns random shots: half of them towards a legal ball, in a break all of them, towards the nearest one."""
     state, radius = game.state, setup.scene.balls.radius

@@ -242,7 +242,7 @@ def _corrected(tables: Tables, chains: _Chains, budget: Budget) -> Ways:
             places = np.broadcast_to(positions, (len(rows), n, 2))
             strokes = strike_with(velocities) if scene.physics.motion == "sliding" else velocities
             batch = simulate_batch(scene, places, strokes, in_play=tables.in_play[0], record=True, threads=1)
-            margins, by = margins_by_cue_ball(batch._record("jacobian"), selected)
+            margins, by = margins_by_cue_ball(batch, selected)
             margin, by = margins[rows, row[piece], column[piece]], by[rows, :, row[piece], column[piece]]
             slope = -velocities[:, 1] * by[:, 0] + velocities[:, 0] * by[:, 1]
             better = margin > best[piece]

@@ -42,8 +42,8 @@ head string, which is called baulk line in snooker. All balls lie inside the rec
     b <= r0 + r1, so b / 2 < r0 + r2, and the cue ball meets ball 2 first.
 
 `layout_plan` computes once what a layout needs on a scene. One kernel draws the positions from a plan, for one table
-or for many. The kernel draws numbers from [0, 1) and uses only `+ - * /` on doubles, which every machine rounds in the
-same way. The same seed therefore gives the same layout bit for bit.
+or for many. The kernel draws numbers from [0, 1) and uses only `+ - * /` on doubles, whose rounding IEEE 754 defines.
+The same seed therefore gives the same layout bit for bit.
 """
 
 from __future__ import annotations
@@ -119,9 +119,7 @@ RACKS = {
     "nine_ball_2025": Rack((1, 2, 3, 4, 9, 6, 7, 8, 5), fixed=(1, 9), foot_ball=9),
     "ten_ball": Rack((1, 2, 3, 4, 10, 6, 7, 8, 9, 5), fixed=(1, 10)),
     "eight_ball": Rack(
-        (11, 2, 3, 4, 8, 6, 7, 5, 9, 10, 1, 12, 13, 14, 15),
-        fixed=(8,),
-        corners=((1, range(1, 8)), (15, range(9, 16))),
+        (11, 2, 3, 4, 8, 6, 7, 5, 9, 10, 1, 12, 13, 14, 15), fixed=(8,), corners=((1, range(1, 8)), (15, range(9, 16)))
     ),
 }
 """The games with rules for the order of the balls in a rack. Each is also the name of a layout.
@@ -224,7 +222,13 @@ def _cached_plan(name: str, scene: Scene, make: PlanMaker, rack: Rack | None) ->
 def _check_plan(what: str, scene: Scene, plan: LayoutPlan) -> None:
     """Raises unless a plan, which may be of another package, suits a scene: the kernels check no index."""
     n = scene.n_balls
-    sizes = {"spots": (n, 2), "order": (n,), "limits": (n, 3), "radius": (n,), "corners": (len(plan.corners), 3)}
+    sizes = {
+        "spots": (n, 2),
+        "order": (n,),
+        "limits": (n, 3),
+        "radius": (n,),
+        "corners": (*np.shape(plan.corners)[:1], 3),
+    }
     for name, shape in sizes.items():
         array, kind = getattr(plan, name), np.dtype(np.int64 if name in ("order", "corners") else np.float64)
         finite(f"{name} of {what}", array, shape)

@@ -473,7 +473,7 @@ class Scene:
 
     def __repr__(self) -> str:
         table, physics = self.table, self.physics
-        used = {"ideal": (), "rolling": ("mu_roll",), "sliding": ("mu_slide", "mu_roll")}[physics.motion]
+        used = [name for name in ("mu_slide", "mu_roll") if physics.motion in PARAMETERS[name].only]
         constants = (*used, "e_ball", "e_cushion", *(() if physics.max_time is None else ("max_time",)))
         return (
             f"Scene: table {table.length:g} x {table.width:g} m, {len(table.pockets)} pockets\n"

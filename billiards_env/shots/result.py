@@ -5,16 +5,15 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.derivatives.differentiable import Differentiable
 from billiards_env.doors import load
 from billiards_env.engine.compile import Engine
-from billiards_env.engine.log import N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, Log, named_events
+from billiards_env.engine.log import ShotLog, named_events
 from billiards_env.engine.orientation import turning
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.engine.shots import STATUS
@@ -25,7 +24,6 @@ from billiards_env.support.checks import numbers, short
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from billiards_env.derivatives.shot_derivatives import Record, Sensitivity
     from billiards_env.physics.scatter import Scatter
     from billiards_env.shots.records import ShotRecord
 
@@ -35,11 +33,11 @@ _STATUS = np.array(STATUS, dtype=object)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class ShotResult(Differentiable):
+class ShotResult:
     """The balls at the end of a shot, and what happened.
 
-    Unless the shot was recorded, `events`, `trajectory` and `scene` are None and `engine` is "". The fields before them
-    are those of `BatchResult`.
+    Unless the shot was recorded, `events`, `trajectory`, `scene` and `log` are None and `engine` is "". The fields
+    before them are those of `BatchResult`.
 
     Attributes:
         positions: (n, 2) float64, m, at the end. A potted ball is at the centre of its pocket.
@@ -74,6 +72,7 @@ class ShotResult(Differentiable):
         trajectory: The paths of the balls.
         scene: The scene.
         engine: The engine: "PIC", or "PIT" with its timestep and fix.
+        log: The events and trajectories as plain arrays.
     """
 
     positions: Floats
@@ -97,7 +96,7 @@ class ShotResult(Differentiable):
     trajectory: Trajectory | None = None
     scene: Scene | None = None
     engine: str = ""
-    _log: Floats | None = None  # the rows of `Log.events`; None for PIT
+    log: ShotLog | None = None
     _arguments: tuple[ShotInput, Engine, int] | None = None  # those of `run_shot`
 
     def __repr__(self) -> str:
@@ -178,49 +177,10 @@ class ShotResult(Differentiable):
         values = np.stack([value(ball, until) for ball in range(len(self.potted))], axis=1)
         return values.reshape(*times.shape, *values.shape[1:])
 
-    def sensitivity(self, t: float | None = None) -> Sensitivity:
-        """Returns the derivative of the positions at time t with respect to the initial state of the balls.
-
-        Args:
-            t: Seconds since the start of the shot; None for its end.
-
-        Returns:
-            The derivative and the condition number, see `Sensitivity`.
-
-        Raises:
-            ValueError: If the shot was not recorded or not run by "pic", or t is negative or not finite.
-        """
-        return next(self.sensitivities([self.time if t is None else t]))
-
-    def sensitivities(self, times: ArrayLike) -> Iterator[Sensitivity]:
-        """Returns the `sensitivity` at each of several ascending times, s, computed in one pass.
-
-        Raises:
-            ValueError: As in `sensitivity`, or if a time is earlier than the one before.
-        """
-        from billiards_env.derivatives import shot_derivatives
-
-        return shot_derivatives.sensitivities(self._record("sensitivity"), times)
-
-    def _of_each(self, result: Any) -> Any:
-        """Returns the results of the first shot."""
-        if isinstance(result, dict):
-            return {name: array[0] for name, array in result.items()}
-        if isinstance(result, tuple):
-            return type(result)(*(array[0] if array.ndim > 1 else array[0].item() for array in result))
-        return result[0]
-
-    def _record(self, method: str) -> Record:
-        from billiards_env.derivatives.shot_derivatives import Part, Record
-
-        if self.trajectory is None or self.scene is None or self._log is None:
-            raise ValueError(f"shot.{method}: expected a shot of simulate(..., record=True) by PIC")
-        check_differentiable(self.scene, f"shot.{method}")
-        if self._arguments is not None:
-            check_no_scatter(self._arguments[0].scatter, f"shot.{method}")
-        segments: Floats = np.column_stack(self.trajectory).astype(np.float64)
-        bounds = np.array([(0, 0), (len(self._log), len(segments))])
-        return Record(self.scene, np.array([self.time]), [Part(0, 1, self._log, segments, bounds)])
+    @property
+    def scatter(self) -> Scatter | None:
+        """The scatter of the cushions; None for no scatter, and unless the shot was recorded."""
+        return None if self._arguments is None else self._arguments[0].scatter
 
     def plot(self, ax: Axes | None = None, compare: ShotResult | None = None) -> Axes:
         """Draws the shot to scale with matplotlib (extra `plot`): paths, contacts, and balls at the start and the end.
@@ -340,12 +300,6 @@ class ShotResult(Differentiable):
         return self.scene, self.trajectory, self.events
 
 
-def check_differentiable(scene: Scene, what: str) -> None:
-    """Raises a ValueError if the shots of a scene have no derivatives; `what` is the method for the message."""
-    if scene.physics.flight:
-        raise ValueError(f"physics.flight = True with {what}: expected False, flights have no derivatives")
-
-
 def check_no_scatter(scatter: Scatter | None, what: str) -> None:
     """Raises a ValueError if shots have scatter; `what` is the method for the message."""
     if scatter is not None:
@@ -358,13 +312,14 @@ def outcome_of(shots: dict[str, Any]) -> dict[str, Any]:
     return shots
 
 
-def read_log(log: Log, scene: Scene, engine: Engine) -> dict[str, Any]:
-    """Returns the fields of a `ShotResult` that only a recorded shot has."""
-    rows, segments = log.events[: log.used[N_EVENTS_LOGGED]], log.segments[: log.used[N_SEGMENTS_LOGGED]]
+def read_log(log: ShotLog, scene: Scene, arguments: tuple[ShotInput, Engine, int]) -> dict[str, Any]:
+    """Returns the fields of a `ShotResult` that only a recorded shot has; `arguments` are those of `run_shot`."""
+    log = ShotLog(*(rows.copy() for rows in log))
     return {
-        "events": named_events(rows),
-        "trajectory": Trajectory.of(segments),
+        "events": named_events(log.events),
+        "trajectory": Trajectory.of(log.segments),
         "scene": scene,
-        "engine": str(engine),
-        "_log": rows.copy() if engine.mode == "pic" else None,
+        "engine": str(arguments[1]),
+        "log": log,
+        "_arguments": arguments,
     }

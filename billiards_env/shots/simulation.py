@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.derivatives.differentiable import Differentiable
 from billiards_env.engine.compile import (
     MAX_EVENTS,
     PIC,
@@ -23,7 +22,7 @@ from billiards_env.engine.compile import (
     with_scatter,
 )
 from billiards_env.engine.frozen_strike import strike_frozen
-from billiards_env.engine.log import NO_LOG, empty_log
+from billiards_env.engine.log import NO_LOG, ShotLog, empty_log, joined
 from billiards_env.engine.shot_input import ShotInput, check_shot, check_varied
 from billiards_env.engine.shots import STATUS, Shots, empty_shots, start_fields
 from billiards_env.engine.strikes import Strike
@@ -31,11 +30,10 @@ from billiards_env.engine.threads import parallel_for
 from billiards_env.physics.scatter import Scatter
 from billiards_env.scene import Scene, check_scene
 from billiards_env.shots.noise import check_scatter
-from billiards_env.shots.result import ShotResult, check_differentiable, check_no_scatter, outcome_of, read_log
-from billiards_env.support.checks import Range, flag, integer, numbers, short, unmasked
+from billiards_env.shots.result import ShotResult, outcome_of, read_log
+from billiards_env.support.checks import Range, array_of, flag, integer, numbers, short
 
 if TYPE_CHECKING:
-    from billiards_env.derivatives.shot_derivatives import Part, Record
     from billiards_env.shots.records import ShotRecord
 
 
@@ -117,10 +115,10 @@ def _scatter(scatter: Mapping[str, float] | None, seed: Any, m: int | None = Non
         return None
     if m is None:
         return Scatter(deviations, np.array([integer("seed", seed, _SEEDS)]))
-    if np.ndim(seed) == 0:
+    seeds = array_of("seed", seed)
+    if seeds.ndim == 0:
         drawn = np.random.SeedSequence(integer("seed", seed, _SEEDS)).generate_state(m, np.uint64)
         return Scatter(deviations, (drawn >> np.uint64(1)).astype(np.int64))
-    seeds = np.asarray(unmasked("seed", seed))
     if seeds.shape != (m,) or seeds.dtype.kind not in "iu" or ((seeds < 0) | (seeds > _SEEDS.most)).any():
         raise ValueError(f"seed = {short(seed)}: expected a whole number, or {m} from 0 to 2^63 - 1")
     return Scatter(deviations, seeds.astype(np.int64))
@@ -176,10 +174,8 @@ def run_shot(
         name: array if array is None else array.item() if array.ndim == 1 else array[0]
         for name, array in zip(Shots._fields, shots, strict=True)
     }
-    outcome = outcome_of(row)
-    if record:
-        outcome |= {**read_log(log, scene, engine), "_arguments": (shot, engine, max_events)}
-    return ShotResult(**outcome)
+    recorded = read_log(ShotLog.of(log), scene, (shot, engine, max_events)) if record else {}
+    return ShotResult(**outcome_of(row), **recorded)
 
 
 def replay(record: ShotRecord, *, check: bool = True, record_events: bool = False) -> ShotResult:
@@ -209,13 +205,20 @@ _OPTIONS = ("engine", "spins", "in_play", "max_time", "max_events")  # of `simul
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
-class BatchResult(Differentiable):
+class BatchResult:
     """The outcome of m shots: the fields that each `ShotResult` has, with a leading axis.
 
-    `len(batch)` is m. `batch[i]` runs shot i again with `record=True` and returns its `ShotResult`. The arrays share
-    one block of memory. To keep one field and free the others, copy it.
+    `len(batch)` is m. `batch[i]` is the recorded `ShotResult` of shot i, which runs again unless the batch was
+    recorded. The arrays share one block of memory. To keep one field and free the others, copy it.
 
-    `ShotResult` describes the fields. Those of balls are (m, n, ...), and the others (m,). `status` is an array of str.
+    `ShotResult` describes the fields up to `heights`. Those of balls are (m, n, ...), and the others (m,). `status` is
+    an array of str.
+
+    Attributes:
+        scene: The scene.
+        varied: The numbers of `Physics` that differ from shot to shot by name, (m,) each, and the timestep "dt".
+        scatter: The scatter of the cushions with the seeds of the shots; None for no scatter.
+        log: The log of the shots; None unless they were recorded.
     """
 
     positions: NDArray[np.float64]
@@ -235,11 +238,18 @@ class BatchResult(Differentiable):
     first_hit_time: NDArray[np.float64]
     cue: NDArray[np.int64]
     heights: NDArray[np.float64] | None
-    _arguments: tuple[Scene, tuple[NDArray[Any] | None, ...], dict[str, Any]]  # of `simulate`, with a leading axis
-    _engine: Engine = PIC
-    _varied: Varied = dataclasses.field(default_factory=dict)
-    _seeds: NDArray[np.int64] | None = None  # of the scatter
-    _parts: list[Part] | None = None  # the logs of recorded shots
+    scene: Scene
+    varied: Varied
+    scatter: Scatter | None
+    log: ShotLog | None
+    _engine: Engine
+    _start: Any  # positions, velocities, spins and in_play, (m, ...) each or None
+    _limits: tuple[float | None, int]  # max_time and max_events
+
+    @property
+    def engine(self) -> str:
+        """The engine: "PIC", or "PIT" with its timestep and fix."""
+        return str(self._engine)
 
     def __len__(self) -> int:
         return len(self.status)
@@ -250,26 +260,24 @@ class BatchResult(Differentiable):
     def __getitem__(self, i: int) -> ShotResult:
         if not isinstance(i, (int, np.integer)):
             raise TypeError(f"batch[{short(i)}]: expected one index; its arrays, such as batch.positions, have slices")
-        k = int(i)
-        if not -len(self) <= k < len(self):
-            raise IndexError(f"batch[{k}]: expected an index from {-len(self)} to {len(self) - 1}")
-        scene, start, settings = self._arguments
-        positions, velocities, spins, in_play = (None if array is None else array[k] for array in start)
-        assert positions is not None
-        assert velocities is not None
-        scene, engine = varied_shot(scene, self._engine, self._varied, k)
-        seed = None if self._seeds is None else self._seeds[k].item()
-        settings = {**settings, "engine": engine, "record": True, "seed": seed}
-        return simulate(scene, positions, velocities, spins=spins, in_play=in_play, **settings)
-
-    def _record(self, method: str) -> Record:
-        from billiards_env.derivatives.shot_derivatives import Record
-
-        check_differentiable(self._arguments[0], f"batch.{method}")
-        if self._parts is None:
-            raise ValueError(f"batch.{method}: expected a batch of simulate_batch(..., record=True) by PIC")
-        check_no_scatter(_scatter(self._arguments[2]["scatter"], self._seeds, len(self)), f"batch.{method}")
-        return Record(self._arguments[0], self.time, self._parts, self._varied)
+        if not -len(self) <= i < len(self):
+            raise IndexError(f"batch[{i}]: expected an index from {-len(self)} to {len(self) - 1}")
+        k = int(i) % len(self)
+        scene, engine = varied_shot(self.scene, self._engine, self.varied, k)
+        max_time, max_events = self._limits
+        positions, velocities, *others = self._start
+        spins, in_play = (None if array is None else array[k] for array in others)
+        start = check_shot(scene, positions[k], velocities[k], spins, in_play, max_time)
+        if self.scatter is not None:
+            start = start._replace(scatter=self.scatter._replace(seeds=self.scatter.seeds[k : k + 1]))
+        if self.log is None:
+            return run_shot(scene, start, engine, True, max_events)
+        outcome: dict[str, Any] = {name: getattr(self, name) for name in _OUTCOME}
+        row = {
+            name: array if array is None else array[k : k + 1].item() if array.ndim == 1 else array[k].copy()
+            for name, array in outcome.items()
+        }
+        return ShotResult(**row, **read_log(self.log.shots(k, k + 1), scene, (start, engine, max_events)))
 
     def __repr__(self) -> str:
         m, n = self.potted.shape
@@ -284,6 +292,9 @@ class BatchResult(Differentiable):
                 f"shots with a potted ball: cue ball {cue_ball}, object balls {object_balls}",
             ]
         return "\n  ".join(lines)
+
+
+_OUTCOME = tuple(field.name for field in dataclasses.fields(BatchResult))[: len(Shots._fields)]
 
 
 def _spread_of(values: NDArray[Any]) -> str:
@@ -318,8 +329,7 @@ def simulate_batch(
         spins: (m, n, 3) or (m, 3) angular velocities, rad/s; None for zero, or for a `Strike`.
         in_play: (m, n) or (n,) bool; by default all balls are in play.
         max_time: Time at which a shot ends, s; None for the limit of the scene.
-        record: Whether to keep the events and trajectories, for the derivatives of the shots. Only shots by
-            "pic" have derivatives.
+        record: Whether to record the events and trajectories.
         max_events: As in `simulate`, for each shot.
         threads: Number of threads; None for the number of `set_num_threads`.
         scatter: The scatter of the cushions, as in `simulate`.
@@ -343,8 +353,7 @@ def simulate_batch(
     scene = _scene(scene, positions)
     integer("max_events", max_events, "max_events")
     check_engine(engine)
-    if flag("record", record) and engine != PIC:
-        raise ValueError(f"record = True with engine {engine}: expected PIC, the derivatives of a batch need it")
+    flag("record", record)
     if positions.ndim != 3:
         raise ValueError(f"positions has shape {positions.shape}: expected (m, {scene.n_balls}, 2)")
     if threads is not None:
@@ -362,34 +371,38 @@ def simulate_batch(
     if isinstance(velocities, Strike) and strike_frozen(scene, arrays, start_fields(plain), end=m):
         start = ShotInput(*start_fields(shots))
         moving, turning = start.in_space()[1].copy(), shots.spins.copy()
-    parts = None
+    log = None
     if record:
-        parts = _run_recorded(
+        log = _run_recorded(
             lambda begin, end, log: run_shots(begin, end, arrays, limit, max_events, plain, log), shots, threads
         )
     else:
         parallel_for(lambda begin, end: run_shots(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
-    settings = {"max_time": max_time, "max_events": max_events, "scatter": None if scatter is None else dict(scatter)}
-    arguments = scene, (positions, moving, turning, in_play), settings
-    common = {"_arguments": arguments, "_engine": engine, "_varied": varied, "_parts": parts}
-    seeds = None if scattered is None else scattered.seeds
-    return BatchResult(**outcome_of(shots._asdict()), **common, _seeds=seeds)
+    start, limits = (positions, moving, turning, in_play), (max_time, max_events)
+    return BatchResult(
+        **outcome_of(shots._asdict()),
+        scene=scene,
+        varied=varied,
+        scatter=scattered,
+        log=log,
+        _engine=engine,
+        _start=start,
+        _limits=limits,
+    )
 
 
 _FIRST_SHOTS = 64  # shots that are recorded first, to find the room that the others need
 
 
-def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -> list[Part]:
-    """Runs shots with `run(begin, end, log)` and returns their logs.
+def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -> ShotLog:
+    """Runs shots with `run(begin, end, log)` and returns their log.
 
     The room in a log is that of the shots so far, with a margin. Shots that do not fit run again.
     """
-    from billiards_env.derivatives.shot_derivatives import Part
-
-    m, n = shots.in_play.shape
+    (m, n), flight = shots.in_play.shape, shots.heights is not None
     fields = [array for array in start_fields(shots) if array is not None]
     start = [array.copy() for array in fields]
-    parts: list[Part] = []
+    logs = {-1: ShotLog(*empty_log(flight=flight)[:2], np.zeros((1, 2), np.int64))}  # by their first shots
     events_of_shot = 0.0  # a mean
 
     def work(begin: int, end: int) -> None:
@@ -397,18 +410,16 @@ def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -
         while begin < end:
             until = end if events_of_shot else min(end, begin + _FIRST_SHOTS)
             room = 64 + 32 * n + int(1.5 * events_of_shot * (until - begin))
-            log = empty_log(room, 2 * room + n * (until - begin), until - begin, shots.heights is not None)
+            log = empty_log(room, 2 * room + n * (until - begin), until - begin, flight)
             run(begin, until, tuple(log))
-            bounds = np.concatenate((log.begins, log.used[None, :2]))
             events_of_shot = max(events_of_shot, float(log.used[0]) / (until - begin), 1.0)
-            done = begin + int((bounds[1:] <= (len(log.events), len(log.segments))).all(axis=1).sum())
-            if done > begin:
-                bounds = bounds[: done - begin + 1]
-                n_events, n_segments = bounds[-1]
-                parts.append(Part(begin, done, log.events[:n_events], log.segments[:n_segments], bounds))
+            recorded = ShotLog.of(log)
+            fits = (recorded.bounds[1:] <= (len(log.events), len(log.segments))).all(axis=1)
+            done = begin + int(fits.sum())
+            logs[begin] = recorded.shots(0, done - begin)
             for array, initial in zip(fields, start, strict=True):
                 array[done:until] = initial[done:until]
             begin = done
 
     parallel_for(work, m, threads)
-    return sorted(parts, key=lambda part: part.begin)
+    return joined([logs[begin] for begin in sorted(logs)])

@@ -110,7 +110,7 @@ def fits(value: Any, within: str | Range) -> bool:
         within: The range, or its key in `RANGES`.
     """
     if not isinstance(value, (int, float)):
-        if not isinstance(value, (np.integer, np.floating)):
+        if not isinstance(value, (np.integer, np.floating)) or isinstance(value, np.timedelta64):
             return False
         value = value.item()  # a numpy integer of few bits cannot be compared with a large bound
     elif isinstance(value, bool):
@@ -141,7 +141,7 @@ def real(name: str, value: Any, within: str | Range | None = None) -> float:
         Traceback (most recent call last):
         ValueError: table.length = -2: expected a number from 0.0001 to 10000 m
     """
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+    if isinstance(value, (bool, np.timedelta64)) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise TypeError(f"{name} = {short(value)}: expected a number, not {type(value).__name__}")
     if not fits(value, _FINITE if within is None else within):
         expected = "a finite number" if within is None else range_text("a number", within)
@@ -169,7 +169,7 @@ def integer(name: str, value: Any, within: str | Range) -> int:
         ValueError: max_shots = 0: expected a whole number from 1 to 1000000000
     """
     least, most, _, _ = RANGES[within] if isinstance(within, str) else within
-    is_integer = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    is_integer = isinstance(value, (int, np.integer)) and not isinstance(value, (bool, np.timedelta64))
     if not is_integer or value < least or (most is not None and value > most):
         raise ValueError(f"{name} = {short(value)}: expected {range_text('a whole number', within)}")
     return int(value)
@@ -364,13 +364,6 @@ def flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
-def unmasked(name: str, value: Any) -> Any:
-    """Returns a value unchanged. Raises a ValueError if it has masked values, because NumPy would ignore the mask."""
-    if _is_masked(value):
-        raise ValueError(f"{name} = {short(value)}: expected no masked values")
-    return value
-
-
 def _is_masked(value: Any) -> bool:
     if isinstance(value, (list, tuple)):  # NumPy replaces masked numbers in a list by NaN, which other checks refuse
         return bool(value) and not isinstance(value[0], (float, int)) and any(map(_is_masked, value))
@@ -383,20 +376,34 @@ def is_masked_array(value: Any) -> bool:
     return module is not None and isinstance(value, module.MaskedArray)
 
 
+def array_of(name: str, value: Any, expected: str = "an array, or lists of one length") -> NDArray[Any]:
+    """Returns a copy of an array or of lists. Raises a ValueError for masked values and lists of several lengths."""
+    if _is_masked(value):  # NumPy would ignore the mask
+        raise ValueError(f"{name} = {short(value)}: expected no masked values")
+    try:
+        return np.array(value)
+    except (OverflowError, TypeError, ValueError):
+        raise ValueError(f"{name} = {short(value)}: expected {expected}") from None
+
+
 def numbers(name: str, value: ArrayLike | None) -> NDArray[np.float64]:
     """Returns a float64 copy of an array or of lists of real numbers. Raises a ValueError for other values.
 
     The copy has the layout "C", which the entry points of `jit.Typed` do not check.
     """
-    unmasked(name, value)
+    expected = "finite numbers in an array"
+    array = array_of(name, value, expected)
     try:
-        array = np.array(value)
-        # NumPy would also convert complex numbers, without their imaginary parts, texts and times.
-        if array.dtype.kind in "biuf" or (array.dtype == object and all(isinstance(x, Real) for x in array.flat)):
+        # NumPy would also convert complex numbers, without their imaginary parts, texts, times and bools.
+        if array.dtype.kind in "iuf" or (array.dtype == object and all(map(_is_real, array.flat))):
             return array.astype(np.float64, order="C", copy=False)
-    except (OverflowError, TypeError, ValueError):  # a number beyond float64, or lists of several lengths
+    except (OverflowError, TypeError, ValueError):  # a number beyond float64
         pass
-    raise ValueError(f"{name} = {short(value)}: expected finite numbers in an array")
+    raise ValueError(f"{name} = {short(value)}: expected {expected}")
+
+
+def _is_real(value: Any) -> bool:
+    return isinstance(value, Real) and not isinstance(value, (bool, np.timedelta64))
 
 
 def shaped(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.float64]:

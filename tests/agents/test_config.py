@@ -22,7 +22,7 @@ def test_each_row_is_a_policy_for_its_task_and_a_frozen_task(name):
     assert config.env["task"] in (FROZEN[row["task"]].arguments["task"], row["env"].get("task"))
 
 
-def test_the_arguments_of_ppo_are_those_of_the_settings_and_change_during_the_training():
+def test_the_arguments_of_ppo_are_the_settings_and_change_during_training():
     config = Config(timesteps=1000, n_envs=4, settings={"learning_rate": ["1e-3", 1e-5], "batch_size": 2})
     model = make_ppo(config, make_vec_env(config))
     assert (model.batch_size, model.n_epochs, model.gamma) == (2, PPO_SETTINGS["n_epochs"], 1.0)

@@ -124,7 +124,7 @@ def test_the_loaded_policy_is_the_trained_one(tiny, tmp_path, policy):
     np.testing.assert_array_equal(deterministic(policy)(observations), expected)
 
 
-def test_a_policy_is_loaded_for_other_balls_and_for_an_observation_with_the_shots_left(tiny, tmp_path):
+def test_a_policy_is_loaded_for_other_balls_and_for_shots_left(tiny, tmp_path):
     config = Config.from_dict(tiny(env={"max_speed": 5.0}, policy=AIM))
     (tmp_path / "config.yaml").write_text(config.to_yaml())
     policy = cast(AimPolicy, make_policy(config))

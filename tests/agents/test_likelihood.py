@@ -176,7 +176,7 @@ def test_an_episode_of_several_shots_goes_on_from_a_shot_that_scores(monkeypatch
     assert not outcomes[1].states["fresh"].any()
 
 
-def test_the_return_of_a_shot_is_its_reward_and_the_value_of_the_position_after_it(monkeypatch):
+def test_the_return_of_a_shot_is_its_reward_and_the_value_after_it(monkeypatch):
     learner: Any = LikelihoodTraining(
         Config.from_dict({**TINY, "task": "Clear5-v0", "policy": {"arguments": {"hidden": 16}}})
     )
@@ -231,10 +231,7 @@ def test_with_noise_the_shots_of_an_update_are_noisy(monkeypatch):
         ({"ppo": {"n_epochs": 2}}, "ppo = .*: expected nothing with learner = 'likelihood'"),
         ({"policy": {"head": "gaussian"}}, "policy.head = 'gaussian': expected 'aim' with learner = 'likelihood'"),
         ({"env": {"max_shots": 2}}, "env.max_shots = 2: expected 1 with learner = 'likelihood'"),
-        (
-            {"task": None, "env": {"task": "nine_ball", "n_players": 2}},
-            "env.n_players = 2: expected 1 with learner",
-        ),
+        ({"task": None, "env": {"task": "nine_ball", "n_players": 2}}, "env.n_players = 2: expected 1 with learner"),
         ({"likelihood": {"imitation": 1.5}}, "likelihood.imitation = 1.5: expected"),
     ],
 )

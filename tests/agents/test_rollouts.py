@@ -14,7 +14,7 @@ SETTINGS = Config.from_dict(
 )
 
 
-def test_runners_play_the_layouts_of_one_vector_environment_and_explore_differently():
+def test_runners_share_the_layouts_and_explore_differently():
     parts: list[Any]
     together, _ = make_vector(SETTINGS, 8).reset(seed=training_seed(SETTINGS, 640))
     parts, actions = [Rollouts(SETTINGS, 4, first) for first in (0, 4)], []

@@ -100,7 +100,7 @@ def test_a_killed_command_resumes(tiny, trained, tmp_path):
     assert equal(weights(run / "model.zip"), weights(trained / "model.zip"))
 
 
-def test_a_finished_run_is_trained_again_only_with_fresh_and_another_seed_matters(command, tmp_path, capsys):
+def test_a_finished_run_is_trained_again_only_with_fresh(command, tmp_path, capsys):
     command("--timesteps", "128")
     first = (tmp_path / "run" / "model.zip").read_bytes()
     command("--timesteps", "128")

@@ -92,7 +92,7 @@ def test_the_ids_are_the_tasks_their_strikes_and_both_with_noise():
 
 
 @pytest.mark.parametrize("name", [*FROZEN, *FROZEN_GAMES])
-def test_an_environment_of_an_id_and_that_of_its_json_play_as_the_vector_environment(name):
+def test_environments_of_an_id_and_of_its_json_play_alike(name):
     env = gym.make(NAMESPACE + name)
     assert env.spec is not None
     assert env.spec.reward_threshold == (FROZEN[name].threshold if name in FROZEN else None)

@@ -1,14 +1,12 @@
 """The comparison with other simulators; no time is asserted."""
 
-import dataclasses
 import json
 import sys
 
 import numpy as np
 import pytest
 
-from benchmarks import comparison, metres, results_file, simulators, simulators_worker
-from billiards_env.scene import Physics, Scene
+from benchmarks import comparison, metres, results_file, simulators
 
 ECHO = """
 import json, sys
@@ -109,51 +107,3 @@ def test_pymunk_is_compared(monkeypatch):
     assert ours["ratio"] == 1.0
     assert theirs["us"] > 0
     assert theirs["median_error_m"] > ours["median_error_m"]
-
-
-def rigid():
-    """Returns the scene of `studies.other_simulators` with the laws of pymunk."""
-    physics = Physics("ideal", "restitution", e_ball=0.95, e_cushion=0.85, max_time=1.0)
-    return dataclasses.replace(Scene.named("pool", 1), physics=physics).to_dict()
-
-
-def test_a_shot_of_the_worker_ends_in_a_pocket_at_a_cushion_or_when_nothing_can_happen():
-    x, v = np.zeros((2, simulators_worker.SLOTS, 2), complex)
-
-    def place(k, positions, velocity):
-        x[k], v[k] = positions, (velocity, 0.0)
-
-    def step():  # without contacts
-        x[:] += 0.01 * v
-        v[:] *= np.exp(-0.01 * simulators_worker.DECAY)
-        return x, v
-
-    scene = rigid()
-    starts = np.array([[-0.5 + 0.3j, -0.5 - 0.3j]] * 200)
-    speeds = np.resize([0.0, 3.0, 1.0j, 0.2j, 0.01, 2.0 + 1.0j], 200)
-    assert (simulators_worker.play_shots(0.01, scene, place, step, starts, speeds) == -1).all()
-
-
-@pytest.mark.tools
-@pytest.mark.parametrize("module", ["pymunk", "mujoco"])
-def test_the_worker_plays_direct_pots(module):
-    scene = rigid()
-    place, step, at_end = getattr(simulators_worker, f"in_{module}")(0.002, scene)
-    late = simulators_worker.delays(0.002, scene, place, step, at_end)
-    assert np.mean(late) == pytest.approx(0.001 if module == "pymunk" else 0.0085, abs=2e-4)
-    starts = np.array([[-0.2j, 0.4j], [-0.2j, 0.4j], [0.5, 0.9 + 0.3j]] * 100)
-    pockets = simulators_worker.play_shots(0.002, scene, place, step, starts, np.array([2.0j, -2.0j, 0.0] * 100))
-    assert pockets.tolist() == [5, -1, -1] * 100
-
-
-@pytest.mark.tools
-@pytest.mark.parametrize("module", ["pymunk", "mujoco"])
-def test_a_shot_of_the_worker_does_not_depend_on_earlier_ones(module):
-    scene, random = rigid(), np.random.default_rng(0)
-    place, step, _ = getattr(simulators_worker, f"in_{module}")(0.01, scene)
-    starts = random.uniform(-0.5, 0.5, (2000, 2, 2)) @ (1, 1j) + np.array([-0.6, 0.6])
-    speeds = 2.0 * np.diff(starts)[:, 0] * np.exp(0.05j * random.normal(size=2000))
-    pockets = simulators_worker.play_shots(0.01, scene, place, step, starts, speeds)
-    assert (pockets >= 0).sum() > 20
-    again = simulators_worker.play_shots(0.01, scene, place, step, starts[::-1], speeds[::-1])
-    assert again[::-1].tolist() == pockets.tolist()

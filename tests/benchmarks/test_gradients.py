@@ -28,7 +28,7 @@ def test_only_the_derivatives_of_time_of_impact_converge(tmp_path, monkeypatch, 
         assert (fine["small"] < 0.2 * coarse["small"]) == (fix == "time_of_impact")
 
 
-def test_the_error_of_the_derivative_after_a_cushion_is_the_share_of_the_time_before_it():
+def test_the_error_after_a_cushion_is_the_share_of_the_time_before_it():
     """Without friction x(T) = d - v (T - t), where t is the timestep of the contact instead of d / v; T is 1 s."""
     shots = gradients.bounces(np.array([1.5]))
     contact = (1.0 - 0.03) / 1.5

@@ -214,7 +214,7 @@ def test_a_frame_may_be_given():
     assert result.values["mu_slide"] == pytest.approx(0.2, abs=0.01)
 
 
-def test_an_interval_includes_a_shift_between_stages_that_chance_does_not_explain():
+def test_an_interval_includes_a_shift_between_stages():
     spread = np.diag([1e-6])
     for value, variance, expected in ((0.21, 1.2e-6, 1e-4), (0.205, 9e-6, 0.0)):
         earlier = {"mu_slide": (value, variance)}, {"mu_slide": (0.3, 1e-6)}  # the last one does not count
@@ -222,7 +222,7 @@ def test_an_interval_includes_a_shift_between_stages_that_chance_does_not_explai
         assert fit.unexplained_shifts(one, spread) == pytest.approx([expected])
 
 
-def test_numbers_keep_their_start_if_they_are_not_determined_and_stay_at_a_bound_where_they_end(monkeypatch):
+def test_undetermined_numbers_keep_their_start_and_others_stay_at_a_bound(monkeypatch):
     result = calibrate(OFF, whole_tracks()[:3], ("mu_slide", "mu_ball_factor"), contacts=2)
     assert result.kept == {"mu_ball_factor": "the rows do not determine it"}
     assert "mu_ball_factor  1" in str(result)

@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.reference.oracle import reference_shot
-from billiards_env import Scene, simulate_batch, strike
+from billiards_env import Scene, derivatives, simulate_batch, strike
 from billiards_env.derivatives.nonsmooth import REASONS
 from billiards_env.derivatives.shot_derivatives import physics_inputs
 from billiards_env.scene import Balls, Pocket, Table, layouts
@@ -29,17 +29,17 @@ def ideal(n=2, radius=0.125, **fields):
 @pytest.mark.parametrize(("gap", "reason"), [(0.0, "grazing"), (1e-13, "grazing"), (-1e-13, "grazing"), (1e-9, "")])
 def test_a_tangent_pass_has_no_derivative(gap, reason):
     shot = simulate(ideal(), [[-1.0, 0.25 + gap], [0.0, 0.0]], [1.0, 0.0], record=True, max_time=2.0)
-    assert shot.nonsmooth().reason == reason
-    assert shot.nonsmooth(0.9).reason == ""  # it is nearest after 1 s
+    assert derivatives.nonsmooth(shot).reason == reason
+    assert derivatives.nonsmooth(shot, 0.9).reason == ""  # it is nearest after 1 s
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e-13, -1e-13])
 def test_a_pass_along_a_pocket_or_a_cushion_has_no_derivative(offset):
     pocket = ideal(1, pockets=(Pocket(0.0, 1.0, 0.25),))
     shot = simulate(pocket, [[-1.0, 0.75 + offset]], [1.0, 0.0], record=True, max_time=1.5)
-    assert shot.nonsmooth().reason == "lip"
+    assert derivatives.nonsmooth(shot).reason == "lip"
     along = simulate(ideal(1), [[-1.0, 0.875 - abs(offset)]], [1.0, 0.0], record=True, max_time=1.0)
-    assert along.nonsmooth() == (-1, "grazing")
+    assert derivatives.nonsmooth(along) == (-1, "grazing")
 
 
 @pytest.mark.parametrize("name", ["pool", "uk_pool"])
@@ -70,10 +70,10 @@ def test_a_ball_that_rolls_up_to_rounding_has_no_derivative():
     scene, headings = Scene.named("pool", 1), np.linspace(-3.0, 3.0, 200)
     starts = strike(scene, 1.0, headings, 0.0, 0.4)
     batch = simulate_batch(scene, [[[0.0, 0.0], [0.5, 0.5]]] * 200, starts, record=True)
-    assert set(batch.nonsmooth().reason) == {"rolling"}
+    assert set(derivatives.nonsmooth(batch).reason) == {"rolling"}
     spinning = strike(scene, 1.0, headings, 0.0, 0.4 + 1e-9)
     batch = simulate_batch(scene, [[[0.0, 0.0], [0.5, 0.5]]] * 200, spinning, record=True)
-    assert not (batch.nonsmooth(0.0).reason == "rolling").any()
+    assert not (derivatives.nonsmooth(batch, 0.0).reason == "rolling").any()
 
 
 def test_a_restitution_that_begins_to_fall_has_no_derivative():
@@ -81,30 +81,31 @@ def test_a_restitution_that_begins_to_fall_has_no_derivative():
     scene = dataclasses.replace(ideal(1), physics=physics)
     for speed, reason in ((1.0, "cushion"), (1.0 + 1e-9, ""), (1.0 - 1e-9, "")):
         shot = simulate(scene, [[0.0, 0.0]], [speed, 0.0], record=True, max_time=3.0)
-        assert shot.nonsmooth() == (-1 if not reason else 0, reason)
+        assert derivatives.nonsmooth(shot) == (-1 if not reason else 0, reason)
 
 
 def test_a_shot_that_is_cut_at_an_event_has_no_derivative():
     scene, places = Scene.named("ideal", 1), [[-0.5, 0.0], [0.0, 0.0]]
     contact = 0.5 - 2 * 0.028575
     uncut = simulate(scene, places, [1.0, 0.0], record=True, max_time=1.0)
-    assert uncut.nonsmooth().reason == ""
+    assert derivatives.nonsmooth(uncut).reason == ""
     for time in (contact, np.nextafter(contact, 0.0), np.nextafter(contact, 1.0)):
-        assert simulate(scene, places, [1.0, 0.0], record=True, max_time=time).nonsmooth().reason == "cut"
-        assert uncut.nonsmooth(time).reason == "cut"
+        cut = simulate(scene, places, [1.0, 0.0], record=True, max_time=time)
+        assert derivatives.nonsmooth(cut).reason == "cut"
+        assert derivatives.nonsmooth(uncut, time).reason == "cut"
     pool = Scene.named("pool", 1)
     shot = simulate(pool, places, [0.5, 0.01], record=True)
-    assert shot.nonsmooth().reason == ""  # the natural end
+    assert derivatives.nonsmooth(shot).reason == ""  # the natural end
     rolls = shot.events["time"][shot.events["kind"] == "sliding_rolling"][0]
-    assert shot.nonsmooth(rolls).reason == "cut"
+    assert derivatives.nonsmooth(shot, rolls).reason == "cut"
 
 
 def test_the_start_is_its_own_derivative():
     shot = simulate(Scene.named("pool", 1), [[-1.0, 0.0], [0.0, 0.5]], [0.5, 0.0], record=True)
     change = {"velocities": np.array([[1.0, 2.0], [3.0, 4.0]]), "spins": np.arange(6.0).reshape(2, 3)}
     for name, value in change.items():
-        assert np.allclose(shot.jvp({name: value}, name, t=0.0), value, rtol=1e-15)
-        assert np.allclose(shot.vjp({name: value}, name, t=0.0), value, rtol=1e-15)
+        assert np.allclose(derivatives.jvp(shot, {name: value}, name, t=0.0), value, rtol=1e-15)
+        assert np.allclose(derivatives.vjp(shot, {name: value}, name, t=0.0), value, rtol=1e-15)
 
 
 def test_balls_without_friction_do_not_rub():
@@ -113,7 +114,7 @@ def test_balls_without_friction_do_not_rub():
     scene = dataclasses.replace(base, balls=balls, physics=dataclasses.replace(base.physics, mu_ball_factor=0.0))
     radius = scene.balls.radius[0]
     shot = simulate(scene, [[-radius, 0.0], [radius, 0.0]], [2.0, 0.0], record=True, max_time=0.01)
-    turned = shot.jvp({"velocities": [[0.0, 1.0], [0.0, 0.0]]}, "velocities")
+    turned = derivatives.jvp(shot, {"velocities": [[0.0, 1.0], [0.0, 0.0]]}, "velocities")
     assert turned[1, 1] == 0.0
 
 
@@ -122,12 +123,12 @@ def test_a_derivative_that_overflows_has_no_value():
     scene, rng = Scene.named("ideal", 10), np.random.default_rng(0)
     places = layouts.draw("random", scene, rng)
     shot = simulate(scene, places, [3.0, 1.0], record=True, max_time=600.0)
-    turned = shot.jvp({"velocities": np.eye(11, 2)})
-    event, reason = shot.nonsmooth()
+    turned = derivatives.jvp(shot, {"velocities": np.eye(11, 2)})
+    event, reason = derivatives.nonsmooth(shot)
     assert not np.isfinite(turned).all()
     assert reason == "overflow"
-    assert np.isfinite(shot.jvp({"velocities": np.eye(11, 2)}, t=shot.events["time"][event])).all()
-    assert shot.nonsmooth(5.0).reason == ""
+    assert np.isfinite(derivatives.jvp(shot, {"velocities": np.eye(11, 2)}, t=shot.events["time"][event])).all()
+    assert derivatives.nonsmooth(shot, 5.0).reason == ""
 
 
 def test_every_reason_is_in_the_page():
@@ -195,7 +196,7 @@ def test_a_derivative_without_a_reason_agrees_with_differences(name, seed):
     start = dict(zip(("positions", "velocities", "spins"), start_of(scene, seed), strict=True))
     time, spins = float(rng.uniform(0.2, 1.5)), start["spins"] if scene.physics.motion == "sliding" else None
     shot = simulate(scene, start["positions"], start["velocities"], spins=spins, record=True, max_time=time)
-    assume(shot.nonsmooth().reason == "" and shot.n_events < 30)
+    assume(derivatives.nonsmooth(shot).reason == "" and shot.n_events < 30)
     numbers = [key for key in RANGES if key in physics_inputs(scene.physics)]
     number = str(rng.choice(numbers)) if rng.random() < 0.5 and name != "ideal" else None
     change = {}
@@ -206,7 +207,7 @@ def test_a_derivative_without_a_reason_agrees_with_differences(name, seed):
         change["positions"] *= np.abs(start["positions"]) < 0.5  # not into a cushion
         for key in change:
             change[key][1:] *= key == "positions"  # friction stops a ball at rest
-    derivative = shot.jvp(change or {number: 1.0})
+    derivative = derivatives.jvp(shot, change or {str(number): 1.0})
     size, off = max(float(np.abs(derivative).max()), 1e-3), [math.inf]
     for step in 10.0 ** np.arange(-3.0, -8.0, -0.5):
         expected, same = differences(scene, start, change, number, step, time)
@@ -240,7 +241,7 @@ def contacts_of_exact(shot):
 def test_a_ball_that_barely_passes_is_not_certain(gap, certain):
     scene = Scene.named("ideal")
     shot = simulate(scene, [[-0.5, 2 * scene.balls.radius[0] + gap], [0.0, 0.0]], [1.0, 0.0], record=True, max_time=0.9)
-    assert shot.certainty().outcome == certain
+    assert derivatives.certainty(shot).outcome == certain
 
 
 def test_a_ball_that_stops_within_rounding_of_a_ball_is_not_certain():
@@ -248,9 +249,9 @@ def test_a_ball_that_stops_within_rounding_of_a_ball_is_not_certain():
     scene, places, start = Scene.named("carom", 1), [[-0.5, 0.0], [-0.035923414682838536, 0.0]], [0.3843449257916131, 0]
     shot, exact = simulate(scene, places, start, record=True), reference_shot(scene, places, start)
     assert (contacts_of(shot), contacts_of_exact(exact)) == ([], [("ball_ball", 0, 1)])
-    assert shot.nonsmooth().reason == "grazing"
-    assert shot.certainty() == (0, False)
-    assert shot.margins().balls[0, 1] <= 0.0  # it is positive if the two touch
+    assert derivatives.nonsmooth(shot).reason == "grazing"
+    assert derivatives.certainty(shot) == (0, False)
+    assert derivatives.margins(shot).balls[0, 1] <= 0.0  # it is positive if the two touch
 
 
 @pytest.mark.parametrize("spin", [0.0, 1.0, -0.4])
@@ -285,9 +286,9 @@ def test_no_speed_at_which_a_ball_stops_within_rounding_of_a_contact_is_certain(
         low, high = (middle, high) if contacts_of(shot(middle)) == none else (low, middle)
     for speed in low * (1.0 + np.arange(-8, 9) * 2.0**-52):
         near = shot(float(speed))
-        assert near.nonsmooth().reason
-        assert not near.certainty().outcome
-        margins = near.margins()
+        assert derivatives.nonsmooth(near).reason
+        assert not derivatives.certainty(near).outcome
+        margins = derivatives.margins(near)
         assert (margins.balls[0, 1] > 0.0) == (("ball_ball", 0, 1) in contacts_of(near))
         assert (margins.pockets[0] > 0.0).any() == near.potted[0]
         assert (margins.cushions[0] > 0.0).any() == any(contact[:2] == ("cushion", 0) for contact in contacts_of(near))
@@ -303,7 +304,7 @@ def test_certain_contacts_are_those_of_the_reference(name, seed):
     headings = rng.uniform(-math.pi, math.pi, 2)
     velocities[:2] = rng.uniform(0.3, 1.5) * np.stack((np.cos(headings), np.sin(headings)), axis=1)
     shot = simulate(scene, places, velocities, record=True, max_time=4.0)
-    certainty, exact = shot.certainty(), reference_shot(scene, places, velocities, max_time=4.0, digits=30)
+    certainty, exact = derivatives.certainty(shot), reference_shot(scene, places, velocities, max_time=4.0, digits=30)
     assert contacts_of(shot)[: certainty.contacts] == contacts_of_exact(exact)[: certainty.contacts]
     if certainty.outcome:
         assert contacts_of(shot) == contacts_of_exact(exact)
@@ -314,11 +315,11 @@ def test_a_doubt_grows_with_the_impacts_before_it():
     scene = Scene.named("ideal", 3)
     start = [[-0.9, 0.0], [-0.8, 0.04], [-0.6, -0.3], [0.6, 0.3]]
     shot = simulate(scene, start, [1.0, 0.0], record=True, max_time=8.0)
-    of_shot, impacts = shot.certainty(), (shot.events["kind"] == "ball_ball").sum()
+    of_shot, impacts = derivatives.certainty(shot), (shot.events["kind"] == "ball_ball").sum()
     assert impacts >= 4
     assert 0 < of_shot.contacts <= len(contacts_of(shot))
     uncut = simulate(scene, start, [1.0, 0.0], record=True, max_time=1000.0, max_events=1500)
-    certainty = uncut.certainty()  # the errors overflow without a warning
+    certainty = derivatives.certainty(uncut)  # the errors overflow without a warning
     assert of_shot.contacts <= certainty.contacts < uncut.n_events  # later the errors are as large as the table
     assert not certainty.outcome
     until = uncut.events["time"][[certainty.contacts - 1, certainty.contacts]].mean()  # all events are contacts
@@ -332,4 +333,4 @@ def test_contacts_at_one_time_have_no_certain_order():
     for second, certain in (([1.0, 0.0], False), ([1.01, 0.0], True)):
         velocities = [[0.0, 0.0], [1.0, 0.0], second]
         shot = simulate(scene, start, velocities, record=True, max_time=1.0)
-        assert shot.certainty() == ((2, True) if certain else (0, False))
+        assert derivatives.certainty(shot) == ((2, True) if certain else (0, False))

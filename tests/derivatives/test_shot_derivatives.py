@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.reference.oracle import reference_shot
-from billiards_env import Scene, simulate_batch, strike
+from billiards_env import Scene, derivatives, simulate_batch, strike
 from billiards_env import scene as scenes
 from billiards_env.derivatives import shot_derivatives
 from billiards_env.derivatives.shot_derivatives import OUTPUTS, UNIT_ROUNDOFF, physics_inputs
@@ -55,12 +55,12 @@ def test_the_derivatives_are_those_of_the_50_digit_simulator(name, seed):
     uncut = recorded(scene, start)
     late = 0.6 * uncut.time
     shot = recorded(scene, start, max_time=late)
-    assert shot.nonsmooth() == (-1, "")
+    assert derivatives.nonsmooth(shot) == (-1, "")
     assert (shot.events["kind"] == "ball_ball").any()
     for key in inputs_of(scene):
         tangent = tangent_of(key, scene, rng)
         expected = directional_differences(scene, start, key, tangent, late)
-        changes = shot.jvp({key: tangent}, OUTPUTS)
+        changes = derivatives.jvp(shot, {key: tangent}, OUTPUTS)
         order = np.argsort(shot.events["ball"], kind="stable")
         changes |= {output: changes[output][order] for output in ("event_times", "event_positions")}
         for output in OUTPUTS:
@@ -76,12 +76,12 @@ def check_one_sided(name, changes, number, way):
     start = start_of(scene, 3)
     late = 0.6 * recorded(scene, start).time
     shot = recorded(scene, start, max_time=late)
-    assert shot.nonsmooth() == (-1, "")
+    assert derivatives.nonsmooth(shot) == (-1, "")
     assert (shot.events["kind"] == "cushion").any()
     assert (shot.events["kind"] == "ball_ball").any()
     expected = directional_differences(scene, start, number, way, late)["positions"]
     size = max(np.abs(expected).max(), 1e-3)
-    np.testing.assert_allclose(shot.jvp({number: way}), expected, rtol=0, atol=1e-9 * size, err_msg=number)
+    np.testing.assert_allclose(derivatives.jvp(shot, {number: way}), expected, rtol=0, atol=1e-9 * size, err_msg=number)
 
 
 AT_END = [name for name, p in PARAMETERS.items() if {0.0, 1.0} & {*RANGES[p.within][:2]} and p.only != ("flight",)]
@@ -121,12 +121,12 @@ def test_every_number_of_the_derivatives_has_a_range():
     assert numbers == set(physics_inputs(Physics(mu_ball=0.05, mu_roll_speed=0.0)))
 
 
-def test_a_ball_that_begins_to_roll_where_the_resistance_changes_has_no_derivative():
+def test_no_derivative_for_rolling_where_the_resistance_changes():
     for speed, reason in ((1.4, "rolling"), (1.4 + 1e-6, ""), (1.4 - 1e-6, "")):  # it rolls at 5/7 of its speed
         shot = simulate(
             SCENES["variable"], [[-1.0, 0.0], [1.0, 0.5], [1.0, -0.5]], [speed, 0.0], record=True, max_time=1.0
         )
-        assert shot.nonsmooth() == (0 if reason else -1, reason)
+        assert derivatives.nonsmooth(shot) == (0 if reason else -1, reason)
 
 
 @pytest.mark.parametrize("name", ["pool", "ideal", "carom", "real_pool", "uk_pool"])
@@ -139,9 +139,9 @@ def test_jvp_and_vjp_are_adjoint(name, seed):
     by = ("positions", "velocities", "spins", "radius", "mass", *physics_inputs(scene.physics))
     shapes = {"positions": (3, 2), "velocities": (3, 2), "spins": (3, 3), "radius": (3,), "mass": (3,)}
     tangents = {key: rng.normal(size=shapes.get(key, ())) for key in by}
-    pushed = shot.jvp(tangents, OUTPUTS)
+    pushed = derivatives.jvp(shot, tangents, OUTPUTS)
     cotangents = {key: rng.normal(size=value.shape) for key, value in pushed.items()}
-    pulled = shot.vjp(cotangents, by)
+    pulled = derivatives.vjp(shot, cotangents, by)
     left = [(cotangents[key] * pushed[key]).sum() for key in OUTPUTS]
     right = [(pulled[key] * tangents[key]).sum() for key in by]
     terms = max(map(abs, (*left, *right)))
@@ -152,9 +152,9 @@ def test_jvp_and_vjp_are_adjoint(name, seed):
 def test_the_jacobian_has_the_columns_of_jvp(of, by):
     scene = Scene.named("real_pool", 2)
     shot = recorded(scene, start_of(scene, 3), max_time=2.0)
-    jacobian = shot.jacobian(of, by)
+    jacobian = derivatives.jacobian(shot, of, by)
     tangent = np.random.default_rng(0).normal(size=jacobian.shape[1 if of == "event_times" else 2 :])
-    pushed = shot.jvp({by: tangent}, of)
+    pushed = derivatives.jvp(shot, {by: tangent}, of)
     size = np.abs(jacobian).max()
     np.testing.assert_allclose(np.tensordot(jacobian, tangent, tangent.ndim), pushed, rtol=0, atol=1e-13 * size)
 
@@ -170,23 +170,26 @@ def test_a_batch_has_the_bits_of_single_shots(name, arrangement, threads):
     rng = np.random.default_rng(0)
     tangents = {"positions": rng.normal(size=places.shape), "e_ball": rng.normal(size=len(places))}
     cotangents = {"positions": rng.normal(size=places.shape)}
-    pushed = batch.jvp(tangents, ("velocities", "event_times"), t=1.0, threads=threads)
-    pulled = batch.vjp(cotangents, ("velocities", "mu_roll"), threads=threads)
-    jacobian = batch.jacobian("positions", "radius", threads=threads)
-    nonsmooth, certainty, margins = batch.nonsmooth(threads=threads), batch.certainty(), batch.margins(t=1.0)
+    pushed = derivatives.jvp(batch, tangents, ("velocities", "event_times"), t=1.0, threads=threads)
+    pulled = derivatives.vjp(batch, cotangents, ("velocities", "mu_roll"), threads=threads)
+    jacobian = derivatives.jacobian(batch, "positions", "radius", threads=threads)
+    nonsmooth, certainty = derivatives.nonsmooth(batch, threads=threads), derivatives.certainty(batch)
+    margins = derivatives.margins(batch, t=1.0)
     for k in range(len(places)):
         shot = simulate(scene, places[k], starts[k], spins=spins[k], record=True)
-        alone = shot.jvp({key: value[k] for key, value in tangents.items()}, ("velocities", "event_times"), t=1.0)
+        alone = derivatives.jvp(
+            shot, {key: value[k] for key, value in tangents.items()}, ("velocities", "event_times"), t=1.0
+        )
         assert np.array_equal(pushed["velocities"][k], alone["velocities"])
         assert np.array_equal(pushed["event_times"][k, : shot.n_events], alone["event_times"])
         assert not pushed["event_times"][k, shot.n_events :].any()
-        gradient = shot.vjp({"positions": cotangents["positions"][k]}, ("velocities", "mu_roll"))
+        gradient = derivatives.vjp(shot, {"positions": cotangents["positions"][k]}, ("velocities", "mu_roll"))
         assert np.array_equal(pulled["velocities"][k], gradient["velocities"])
         assert pulled["mu_roll"][k] == gradient["mu_roll"]
-        assert np.array_equal(jacobian[k], shot.jacobian("positions", "radius"))
-        assert (nonsmooth.event[k], nonsmooth.reason[k]) == shot.nonsmooth()
-        assert (certainty.contacts[k], certainty.outcome[k]) == shot.certainty()
-        for many, one in zip(margins, shot.margins(t=1.0), strict=True):
+        assert np.array_equal(jacobian[k], derivatives.jacobian(shot, "positions", "radius"))
+        assert (nonsmooth.event[k], nonsmooth.reason[k]) == derivatives.nonsmooth(shot)
+        assert (certainty.contacts[k], certainty.outcome[k]) == derivatives.certainty(shot)
+        for many, one in zip(margins, derivatives.margins(shot, t=1.0), strict=True):
             assert np.array_equal(many[k], one)
 
 
@@ -200,7 +203,9 @@ def test_a_batch_whose_log_is_too_small_runs_the_other_shots_again():
     for name in ("positions", "time", "n_events"):
         assert np.array_equal(getattr(batch, name), getattr(plain, name))
     last = simulate(scene, places[-1], velocities[-1], record=True)
-    assert np.array_equal(batch.jacobian("positions", "e_ball")[-1], last.jacobian("positions", "e_ball"))
+    assert np.array_equal(
+        derivatives.jacobian(batch, "positions", "e_ball")[-1], derivatives.jacobian(last, "positions", "e_ball")
+    )
 
 
 @pytest.mark.parametrize("elevation", [0.0, 0.1])
@@ -208,7 +213,7 @@ def test_the_derivative_by_the_strike_is_that_of_small_changes(elevation):
     scene, positions = Scene.named("real_pool"), [[-0.5, 0.1], [0.2, 0.15]]
     at, step = np.array([1.5, 0.07, 0.2, -0.1, elevation + 0.05]), 1e-7
     shot = simulate(scene, positions, strike(scene, *at), record=True)
-    jacobian = shot.jacobian("positions", "strike", strike=at)
+    jacobian = derivatives.jacobian(shot, "positions", "strike", strike=at)
     ends = [
         [simulate(scene, positions, strike(scene, *(at + sign * h))).positions for sign in (1, -1)]
         for h in step * np.eye(5)
@@ -216,21 +221,21 @@ def test_the_derivative_by_the_strike_is_that_of_small_changes(elevation):
     expected = np.stack([(a - b) / (2 * step) for a, b in ends], axis=-1)
     np.testing.assert_allclose(jacobian, expected, atol=2e-5 * np.abs(jacobian).max())
     change = np.array([0.5, -0.1, 0.2, 0.3, -0.4])
-    np.testing.assert_allclose(shot.jvp({"strike": change}, strike=at), jacobian @ change, rtol=1e-9)
+    np.testing.assert_allclose(derivatives.jvp(shot, {"strike": change}, strike=at), jacobian @ change, rtol=1e-9)
     batch = simulate_batch(scene, [positions] * 2, strike(scene, *np.array([at, at]).T), record=True)
     cotangents = np.ones((2, 2))
-    pulled = batch.vjp({"positions": cotangents}, "strike", strike=np.array([at, at]))
+    pulled = derivatives.vjp(batch, {"positions": cotangents}, "strike", strike=np.array([at, at]))
     np.testing.assert_allclose(pulled, np.tile(jacobian.sum(axis=(0, 1)), (2, 1)), rtol=1e-9)
 
 
 def test_an_ideal_ball_at_rest_moves_with_a_change_of_its_velocity():
     shot = simulate(Scene.named("ideal"), [[-1.0, 0.0], [0.0, 0.5]], [0.5, 0.0], record=True, max_time=1.0)
-    assert shot.jvp({"velocities": [[0.0, 0.0], [1.0, 2.0]]}).tolist() == [[0.0, 0.0], [1.0, 2.0]]
+    assert derivatives.jvp(shot, {"velocities": [[0.0, 0.0], [1.0, 2.0]]}).tolist() == [[0.0, 0.0], [1.0, 2.0]]
 
 
 def test_friction_stops_a_ball_at_rest_that_begins_to_move():
     shot = simulate(Scene.named("pool"), [[-1.0, 0.0], [0.0, 0.5]], [0.5, 0.0], record=True)
-    assert not shot.jacobian("positions", "velocities")[:, :, 1].any()
+    assert not derivatives.jacobian(shot, "positions", "velocities")[:, :, 1].any()
 
 
 def test_two_impacts_at_one_instant_that_share_no_ball_have_a_derivative():
@@ -238,37 +243,37 @@ def test_two_impacts_at_one_instant_that_share_no_ball_have_a_derivative():
     places, velocities = [[-0.5, 0.2], [0.0, 0.2], [-0.5, -0.2], [0.0, -0.2]], [[1.0, 0.0], [0, 0], [1.0, 0.0], [0, 0]]
     shot = simulate(scene, places, velocities, record=True, max_time=0.6)
     assert shot.n_events == 2
-    assert shot.nonsmooth() == (-1, "")
+    assert derivatives.nonsmooth(shot) == (-1, "")
     apart = simulate(
         scene, np.array(places) - [[0, 0], [0, 0], [1e-9, 0], [0, 0]], velocities, record=True, max_time=0.6
     )
-    np.testing.assert_allclose(shot.jacobian(), apart.jacobian(), atol=1e-6)
+    np.testing.assert_allclose(derivatives.jacobian(shot), derivatives.jacobian(apart), atol=1e-6)
 
 
 def test_impacts_at_one_instant_count_as_successive():
     """The derivative is that of a shot in which the first contact of the log comes earlier."""
     scene, y = Scene.named("ideal", 2), 0.02857500001
     both = simulate(scene, [[-0.5, 0.0], [0.0, y], [0.0, -y]], [1.0, 0.0], record=True, max_time=0.5)
-    assert both.nonsmooth() == (1, "simultaneous")
+    assert derivatives.nonsmooth(both) == (1, "simultaneous")
     first = simulate(scene, [[-0.5, 0.0], [0.0, y], [1e-9, -y]], [1.0, 0.0], record=True, max_time=0.5)
     assert first.events["other"][:2].tolist() == [1, 2]
-    np.testing.assert_allclose(both.jacobian(), first.jacobian(), atol=1e-5)
+    np.testing.assert_allclose(derivatives.jacobian(both), derivatives.jacobian(first), atol=1e-5)
 
 
 def test_the_derivative_of_the_time_of_a_fall_has_the_slope_of_the_rim():
     scene = Scene(Balls.uniform(1), Table(2.0, 1.0, pockets=(Pocket(0.0, 0.5, 0.1),)), Scene.named("ideal").physics)
     deep = simulate(scene, [[-0.5, 0.45]], [1.0, 0.0], record=True, max_time=1.0)
-    assert deep.nonsmooth() == (-1, "")
-    assert not deep.jacobian("positions", "positions").any()
+    assert derivatives.nonsmooth(deep) == (-1, "")
+    assert not derivatives.jacobian(deep, "positions", "positions").any()
     chord = 0.05 / math.sqrt(0.1**2 - 0.05**2)  # slope of the circle where the ball enters it
-    np.testing.assert_allclose(deep.jacobian("event_times", "positions"), [[[-1.0, -chord]]], rtol=1e-12)
+    np.testing.assert_allclose(derivatives.jacobian(deep, "event_times", "positions"), [[[-1.0, -chord]]], rtol=1e-12)
 
 
 def test_an_act_of_the_contact_time_rule_has_no_derivative():
     scene = Scene.named("pool", 15)
     places, velocities, _ = draw_starts(scene, 20, "tight_rack")
     batch = simulate_batch(scene, places, velocities, record=True)
-    nonsmooth = batch.nonsmooth()
+    nonsmooth = derivatives.nonsmooth(batch)
     assert (nonsmooth.reason[batch.n_contact_rule > 0] != "").all()
     assert set(nonsmooth.reason) <= {"", "rule", "simultaneous", "grazing"}
 
@@ -278,10 +283,12 @@ def test_the_sensitivity_is_the_derivative_of_the_final_positions(name):
     scene = SCENES[name]
     start = start_of(scene, 3)
     shot = recorded(scene, start)
-    sensitivity = shot.sensitivity()
+    sensitivity = derivatives.sensitivity(shot)
     assert shot.n_events > 3
     assert sensitivity.smooth
-    jacobian = np.concatenate([shot.jacobian("positions", by) for by in ("positions", "velocities", "spins")], axis=-1)
+    jacobian = np.concatenate(
+        [derivatives.jacobian(shot, "positions", by) for by in ("positions", "velocities", "spins")], axis=-1
+    )
     np.testing.assert_allclose(sensitivity.jacobian, jacobian, rtol=0, atol=1e-12 * np.abs(jacobian).max())
     exact = reference_shot(scene, *start).positions
     assert np.abs(shot.positions - np.array(exact, float)).max() < 10 * UNIT_ROUNDOFF * sensitivity.condition
@@ -290,7 +297,7 @@ def test_the_sensitivity_is_the_derivative_of_the_final_positions(name):
 def test_the_sensitivity_after_a_mathavan_cushion_is_that_of_small_steps():
     scene = Scene.named("snooker", 2)
     places, velocities = np.array([[0.3, 0.1], [1.2, 0.5], [-1.2, 0.5]]), np.array([[0.2, 2.0], [0.0, 0.0], [0.0, 0.0]])
-    slope = simulate(scene, places, velocities, record=True).sensitivity().jacobian[0, :, 0]
+    slope = derivatives.sensitivity(simulate(scene, places, velocities, record=True)).jacobian[0, :, 0]
     step = 1e-3
     for k in range(4):
         moved = [np.concatenate((places[0], velocities[0])) for _ in range(2)]
@@ -304,7 +311,7 @@ def test_each_collision_multiplies_the_condition():
     scene = Scene.named("ideal", 15)
     rng = np.random.default_rng(0)
     shot = simulate(scene, layouts.draw("random", scene, rng), rng.normal(0.0, 1.0, (16, 2)), record=True, max_time=4.0)
-    early, late = shot.sensitivities([1.0, 4.0])
+    early, late = derivatives.sensitivities(shot, [1.0, 4.0])
     assert early.condition > 10.0
     assert late.condition > 1e3 * early.condition
 
@@ -312,7 +319,7 @@ def test_each_collision_multiplies_the_condition():
 def test_the_sensitivity_before_the_first_event_is_that_of_free_motion():
     scene = Scene.named("ideal")
     shot = simulate(scene, [[-1.0, 0.0], [0.0, 0.5]], [0.5, 0.25], record=True, max_time=1.0)
-    jacobian = shot.sensitivity(0.5).jacobian
+    jacobian = derivatives.sensitivity(shot, 0.5).jacobian
     np.testing.assert_array_equal(jacobian[0, :, 0], [[1, 0, 0.5, 0, 0, 0, 0], [0, 1, 0, 0.5, 0, 0, 0]])
     np.testing.assert_array_equal(jacobian[0, :, 1], np.zeros((2, 7)))
 
@@ -323,12 +330,14 @@ def test_derivatives_of_many_shots_are_those_of_single_shots(monkeypatch):
     batch = simulate_batch(scene, places, velocities, spins=spins, record=True)
     times = batch.time[:, None] * [0.2, 0.9]
     monkeypatch.setattr(shot_derivatives, "_BLOCK", 1)  # one shot in each call
-    jacobians = shot_derivatives.start_jacobians(batch._record("test"), times, 0, ("mu_roll",), 1)
+    jacobians = shot_derivatives.start_jacobians(batch, times, 0, ("mu_roll",), 1)
     for k, q in np.ndindex(times.shape):
         shot, t = batch[k], float(times[k, q])
-        by_places = shot.jacobian("positions", "positions", t=t).reshape(2, 2, 4)
-        by_velocity, by_spin = (shot.jacobian("positions", name, t=t)[:, :, 0] for name in ("velocities", "spins"))
-        by_number = shot.jacobian("positions", "mu_roll", t=t)[..., None]
+        by_places = derivatives.jacobian(shot, "positions", "positions", t=t).reshape(2, 2, 4)
+        by_velocity, by_spin = (
+            derivatives.jacobian(shot, "positions", name, t=t)[:, :, 0] for name in ("velocities", "spins")
+        )
+        by_number = derivatives.jacobian(shot, "positions", "mu_roll", t=t)[..., None]
         expected = np.concatenate((by_places, by_velocity, by_spin, by_number), axis=2)
         assert np.moveaxis(jacobians[k, q], 0, 2) == pytest.approx(expected, rel=1e-9, abs=1e-12)
     push_lanes: Any = shot_derivatives.push_lanes

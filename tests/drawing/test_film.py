@@ -98,7 +98,7 @@ def test_an_error_in_a_frame_keeps_the_old_file(suffix, more, shot, tmp_path, mo
 
 
 @pytest.mark.parametrize("size", [1000, 40_000])
-def test_a_film_that_does_not_fit_on_the_disk_is_an_error_and_keeps_the_old_file(size, shot, tmp_path):
+def test_a_film_that_does_not_fit_on_the_disk_keeps_the_old_file(size, shot, tmp_path):
     """A limit on the size of files acts on the encoder as a full disk does."""
     resource = pytest.importorskip("resource")
     (tmp_path / "a.mp4").write_text("old")

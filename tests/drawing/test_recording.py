@@ -23,7 +23,7 @@ def test_a_recording_has_the_times_of_potting(shot):
     assert np.isinf(gone[[0, 1, 4]]).all()
 
 
-def test_the_track_of_a_potted_ball_has_its_corners_and_ends_at_the_edge_of_the_pocket(shot):
+def test_the_track_of_a_potted_ball_ends_at_the_edge_of_the_pocket(shot):
     recording, pocket = recording_of(shot), shot.scene.table.pockets[shot.pockets[3]]
     times, path = recording.track(3, [0.0, 0.3, 99.0])
     corners = recording.corners(3)

@@ -36,7 +36,7 @@ def recurrence(ratio, e):
 @pytest.mark.parametrize("ratio", [1.0, 3.0, 100.0, 700.0, 2000.0, 1e4, 1e6])
 @pytest.mark.parametrize("e", [0.5, 0.9, 0.95, 0.99, 0.9999, 1.0])
 @pytest.mark.parametrize("gap", [0.3, 1e-6, 0.0])
-def test_a_heavy_ball_that_drives_a_light_one_against_a_cushion_follows_the_recurrence(ratio, e, gap):
+def test_a_heavy_ball_against_a_light_one_at_a_cushion_follows_the_recurrence(ratio, e, gap):
     """Impacts were once elastic after 100 in quick succession, and the balls stopped after 2,000."""
     want = recurrence(ratio, e)
     places = [[R - 400.0 + 2 * R + gap + (0.1 if gap else 0.0), 0.0], [R - 400.0 + gap, 0.0]]
@@ -62,7 +62,7 @@ def test_an_elastic_ball_between_a_fixed_ball_and_a_cushion_comes_to_rest():
 
 @pytest.mark.parametrize("ratio", [1.0, 30.0, 1e3, 1e5])
 @pytest.mark.parametrize("e", [0.0, 0.5, 0.95, 1.0])
-def test_a_spinning_ball_that_presses_a_light_one_against_a_cushion_comes_to_rest(ratio, e):
+def test_a_spinning_ball_against_a_light_one_at_a_cushion_comes_to_rest(ratio, e):
     """The number of impacts before the heavy ball moves away is about the ratio of the masses."""
     radius = 0.03
     scene = Scene(Balls((radius, radius), (ratio, 1.0)), Table(2.0, 1.0), Physics(e_ball=e))

@@ -167,7 +167,7 @@ def test_a_ball_that_has_passed_a_facing_returns_to_the_table(fix):
 
 
 @pytest.mark.parametrize("fix", ["move_back", "time_of_impact"])
-def test_a_ball_that_goes_back_along_its_path_has_the_exact_velocity_after_a_tip(fix):
+def test_a_ball_that_goes_back_has_the_exact_velocity_after_a_tip(fix):
     scene = scene_of(TABLES["L"], 1, FREE)
     tip = pieces(scene.table.outline)[1][0]
     start = [[tip.x - 0.3, tip.y - 0.35]]
@@ -198,7 +198,7 @@ def test_a_ball_wedged_in_a_throat_narrower_than_itself_stays_out_and_ends(physi
 
 
 @pytest.mark.parametrize(("degrees", "stops"), [(1.0, False), (0.2, False), (0.15, True), (0.01, True)])
-def test_the_contact_rule_stops_an_elastic_ball_only_in_a_wedge_of_less_than_018_degrees(degrees, stops):
+def test_the_contact_rule_stops_an_elastic_ball_only_in_a_sharp_wedge(degrees, stops):
     """A ball that goes into a wedge along its bisector, nearly, has pi / angle impacts on its way in and out."""
     half = math.radians(degrees) / 2
     place, end = R / math.sin(half), R / math.sin(half) + 3.0  # of a ball that touches both sides, from the corner

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from billiards_env import Engine, Scene, simulate_batch
+from billiards_env import Engine, Scene, derivatives, simulate_batch
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Balls, Physics, Pocket, Table, check_positions, layouts
 from tests.helpers.shots import (
@@ -125,7 +125,7 @@ def derivative_error(case, dt, fix):
     It is a central difference over 2e-9 m/s: the derivative through the timesteps.
     """
     scene, places, velocities = case
-    exact = simulate_batch(*case, max_time=1.0, record=True).jacobian("positions", "velocities")[:, :, :, 0]
+    exact = derivatives.jacobian(simulate_batch(*case, max_time=1.0, record=True))[:, :, :, 0]
     differences = np.empty_like(exact)
     for axis, change in enumerate(1e-9 * np.eye(2)):
         low, high = (
@@ -140,7 +140,7 @@ def derivative_error(case, dt, fix):
 @laws
 @fixes
 @pytest.mark.parametrize("shots", CASES)
-def test_the_derivative_through_timesteps_converges_only_with_the_time_of_impact(shots, physics, fix):
+def test_derivatives_through_timesteps_converge_only_with_time_of_impact(shots, physics, fix):
     steps = (1e-2, 1e-4) if fix == "time_of_impact" else (1e-3, 1e-4)
     coarse, fine = (derivative_error(shots(physics, 100), dt, fix) for dt in steps)
     if fix == "time_of_impact":
@@ -449,7 +449,7 @@ def test_a_ball_that_stops_beyond_a_cushion_in_its_last_step_is_moved_to_it(fix)
     assert shot.time == (shot.events["time"][0] if fix == "none" else 100.0)
 
 
-def test_balls_that_move_side_by_side_along_a_cushion_are_pushed_apart_within_it():
+def test_balls_side_by_side_along_a_cushion_are_pushed_apart_within_it():
     # The balls overlap after their impact, because the cushion stops the second one.
     place = 1 - R
     scene = world(2, FREE, Table(2.0, 64.0), e_cushion=0.0)

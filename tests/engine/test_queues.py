@@ -95,7 +95,7 @@ def test_the_number_of_balls_selects_the_engine():
     assert run_shots_of(PIC, MANY_BALLS) is pic.run_shots_of_many
 
 
-def test_a_bound_of_a_meeting_is_not_later_than_the_meeting_and_half_of_them_are_close_to_it():
+def test_the_bound_of_a_meeting_is_not_later_and_often_close_to_it():
     rng, reach, shares, far = np.random.default_rng(0), 0.25, [], 0
     for place, velocity, acceleration in rng.normal(size=(300, 3, 2)):
         path, end = Path(*place, *velocity, *(0.2 * acceleration)), 2.0

@@ -47,7 +47,7 @@ def test_the_arrays_of_shots_have_one_entry_for_each_ball(m, n):
 
 
 @pytest.mark.parametrize("shape", ["disk", "sphere"])
-def test_the_check_by_cells_finds_the_overlaps_that_the_check_of_all_pairs_finds(shape):
+def test_the_check_by_cells_finds_the_overlaps_of_all_pairs(shape):
     rng, n, m, overlaps = np.random.default_rng(0), 30, 3, 0
     for _ in range(60):
         balls = Balls(tuple(rng.uniform(0.01, 0.03, n).tolist()), (0.1,) * n, shape=shape)

@@ -290,7 +290,7 @@ THROUGH_A_BALL = [({}, False), *(({"mode": "pit", "dt": 1 / n}, n <= 60) for n i
 
 
 @pytest.mark.parametrize(("world", "through"), THROUGH_A_BALL, ids=name_of)
-def test_fast_shots_pass_through_the_ball_in_front_of_the_target_with_a_coarse_timestep(world, through):
+def test_fast_shots_with_a_coarse_timestep_pass_through_a_ball(world, through):
     # 4 to 8 m/s: up to 13 cm in 1/60 s; the balls overlap on 11 cm of the path.
     hidden = {"scene": "blocked_pool", "layout": "snookered", "max_speed": 8.0, **world}
     envs = gym.make_vec("Billiards-v0", num_envs=500, action="cut", **hidden)

@@ -83,7 +83,7 @@ def test_a_deep_copy_pickles_no_compiled_function(monkeypatch):
         same(copy.deepcopy(env).step(action), env.step(action))
 
 
-def test_a_copy_has_arrays_from_its_first_use_on_and_copies_use_those_of_earlier_ones():
+def test_a_copy_has_arrays_from_its_first_use_on_and_they_are_used_again():
     env = KINDS["an environment with noise"]()
     env.reset(seed=0)
     action = actions_of(env, 1)[0]

@@ -25,7 +25,7 @@ def rolled(size: int, seed: int = 0) -> Any:
 
 
 @pytest.mark.parametrize("seat", [None, 0, 1])
-def test_a_step_ends_with_the_learners_turn_and_its_rewards_are_those_of_all_shots(seat):
+def test_a_step_ends_with_the_learners_turn_and_sums_all_rewards(seat):
     games = make_vector_env(16, **GAME)
     envs, rng = Opponents(games, rolled(4), seat), np.random.default_rng(1)
     assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP

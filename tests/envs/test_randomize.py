@@ -36,7 +36,7 @@ def test_a_shot_is_that_of_the_scene_with_the_drawn_numbers(kwargs):
     assert len(drawn) == 5
 
 
-def test_the_numbers_are_uniform_in_their_ranges_and_observed_between_minus_one_and_one():
+def test_the_numbers_are_uniform_and_observed_between_minus_one_and_one():
     envs = make_vector_env(4000, randomize=RANGES, observe=("shots_left", "physics"))
     observations, infos = envs.reset(seed=0)
     for seen, (name, (low, high)) in zip(envs.decode(observations)["physics"].T, RANGES.items(), strict=True):

@@ -75,12 +75,7 @@ POT = [
     ((), (0,), 0, True, False),
     ((), (0, 1, 2), 2, True, False),
 ]
-CLEAR = [
-    ((), (1,), 0, False),
-    ((1,), (1, 2), 1, True),
-    ((), (1, 2), 1, True),
-    ((1,), (0, 1, 2), 0, True),
-]
+CLEAR = [((), (1,), 0, False), ((1,), (1, 2), 1, True), ((), (1, 2), 1, True), ((1,), (0, 1, 2), 0, True)]
 # The cushions of the cue ball before it touches each ball, the balls that are potted, and those driven off the table
 JUMP = [
     ((-1, 0, -1), (1,), (), 1, True),
@@ -99,21 +94,9 @@ CAROM = [
     ((-1, 0, 0), (1,), 1, True),
     ((-1, 0, 0), (0,), 0, True),
 ]
-THREE_CUSHION = [
-    ((-1, 0, 2), 0),
-    ((-1, 0, 3), 1),
-    ((-1, 3, 0), 1),
-    ((-1, 3, -1), 0),
-]
+THREE_CUSHION = [((-1, 0, 2), 0), ((-1, 0, 3), 1), ((-1, 3, 0), 1), ((-1, 3, -1), 0)]
 # The cushions of both balls, and those of the cue ball before the touch
-SUM_TO_THREE = [
-    ((0, 3), 0, 1),
-    ((3, 0), 3, 1),
-    ((2, 1), 1, 1),
-    ((1, 1), 0, 0),
-    ((0, 0), 0, 0),
-    ((3, 0), -1, 0),
-]
+SUM_TO_THREE = [((0, 3), 0, 1), ((3, 0), 3, 1), ((2, 1), 1, 1), ((1, 1), 0, 0), ((0, 0), 0, 0), ((3, 0), -1, 0)]
 ON_THE_EDGE, BEYOND = (GOAL[0] + PLACE - 1e-12, GOAL[1]), (GOAL[0], GOAL[1] - PLACE - 1e-12)
 PLACES = [
     (GOAL, (-1, 0, -1), (), (), 1, True),

@@ -79,7 +79,7 @@ def test_seeds_equal_those_of_single_environments(mode, seed):
     same(native.reset(), sync.reset())
 
 
-def test_unseeded_environments_have_different_layouts_which_np_random_seed_reproduces():
+def test_unseeded_layouts_differ_and_np_random_seed_reproduces_them():
     envs = make_vector_env(20)
     first, _ = envs.reset()
     assert len(np.unique(first, axis=0)) == 20

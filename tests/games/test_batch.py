@@ -78,7 +78,7 @@ def one_by_one(settings, game, velocities, spins, places):
 
 
 @pytest.mark.parametrize(("kind", "rules"), CASES)
-def test_a_batch_and_a_task_have_the_verdicts_states_and_positions_of_single_shots(kind, rules):
+def test_a_batch_and_a_task_have_the_results_of_single_shots(kind, rules):
     settings, rng, continues = setup(rules, call_shot=kind == "called"), np.random.default_rng(0), 0
     for seed in range(1 if kind == "break" else 8):
         game = mid_game(settings, rng) if kind != "break" else opening(settings, rng)

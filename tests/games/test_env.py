@@ -87,7 +87,7 @@ OF_GAMES = ["turn", "break", "in_hand", "own_pocket", "choices", "fouls", "score
 
 
 @variants
-def test_a_game_has_the_bits_rewards_and_observations_of_the_functions_of_the_rules(kwargs):
+def test_a_game_has_the_bits_and_rewards_of_the_functions_of_the_rules(kwargs):
     usual = make_env(**{**kwargs, "observe": None})
     names = ["positions", "potted", "legal_balls", "turn", *(name for name in OF_GAMES[1:] if name in usual.features)]
     env = begun(**{**kwargs, "observe": names, "scratch_penalty": 0.5}, seed=2)
@@ -124,7 +124,7 @@ def test_a_game_has_the_bits_rewards_and_observations_of_the_functions_of_the_ru
 
 
 @variants
-def test_random_games_in_pettingzoo_end_for_all_players_and_depend_on_the_seed_alone(kwargs):
+def test_random_games_in_pettingzoo_end_and_depend_on_the_seed_alone(kwargs):
     env: Any = billiards_v0.env(**kwargs)
     log, total = play_game(env, 4)
     *_, (_, _, _, terminated, truncated, _) = log
@@ -162,8 +162,7 @@ def test_pettingzoos_render_test():
         return billiards_v0.env(render_mode=render_mode, max_speed=0.02)
 
     render_test(
-        make,
-        {"rgb_array_list": lambda frames: all(frame.dtype == np.uint8 and frame.ndim == 3 for frame in frames)},
+        make, {"rgb_array_list": lambda frames: all(frame.dtype == np.uint8 and frame.ndim == 3 for frame in frames)}
     )
 
 

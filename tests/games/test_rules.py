@@ -83,7 +83,7 @@ OPEN_WITHOUT_SOLIDS: dict[str, Any] = {"on_table": (8, 9, 12)}
 IN_2025 = {"edition": 1}
 
 
-def test_in_2025_the_eight_ball_may_be_hit_first_on_an_open_table_without_a_group():  # WPA 2025 4.4
+def test_in_2025_the_eight_ball_may_be_hit_first_on_an_open_table():  # WPA 2025 4.4
     fields = OPEN_WITHOUT_SOLIDS
     assert setup("eight_ball").legal(state("eight_ball", **fields)) == (9, 12)
     assert setup("eight_ball").legal(state("eight_ball", **fields, **IN_2025)) == (8, 9, 12)
@@ -359,7 +359,7 @@ def test_a_call_for_a_new_rack(rules, kind, fields, player):
     assert tuple(after.positions[on_foot].tolist()) == foot
 
 
-def test_a_stalemate_may_be_called_after_six_turns_of_each_player_without_progress():  # 1.12
+def test_a_stalemate_may_be_called_after_six_turns_without_progress():  # 1.12
     settings = setup("nine_ball")
     game = custom_opening(settings, in_a_row(10, {0: (0.5, 0.4), 1: (0.9, 0.4)}), {"idle": 10})
     for offered in (False, True):
@@ -440,7 +440,7 @@ def test_balls_of_carom_that_touch_are_set_up_again_if_the_player_wants(rules, f
     assert after.positions[others].tolist() == before.positions[others].tolist()
 
 
-def test_a_ball_of_three_cushion_is_set_up_on_the_spot_of_the_ball_that_blocks_its_own():  # paper F
+def test_a_ball_is_set_up_on_the_spot_of_the_ball_that_blocks_its_own():  # paper F
     game, gap = setup("three_cushion"), 2 * CAROM_SETUP.scene.balls.radius[0]
     before = custom_opening(game, [[0.3, 0.2], [0.3, 0.2 + gap], [FOOT, 0.01]])
     after = play(game, before, Stroke((0.0, 0.0), call=Call(kind="rerack"))).game

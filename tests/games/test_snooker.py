@@ -459,7 +459,7 @@ MISSES = [
 
 
 @pytest.mark.parametrize(("fields", "log", "miss"), MISSES)
-def test_a_shot_that_touches_no_ball_on_first_is_a_miss_if_nobody_needs_penalty_points(fields, log, miss):  # 3.14
+def test_no_ball_on_first_is_a_miss_if_nobody_needs_penalty_points(fields, log, miss):  # 3.14
     assert is_miss(frame(on_table=(1, *COLOURS), **fields), log) == miss
 
 

@@ -24,7 +24,7 @@ def play_shots() -> Any:
     assert strike(POOL, 2.0, 0.1).velocity.shape == (2,)
     for engine in (Engine("pit", 1 / 60), Engine("pic")):
         shot = simulate(POOL, PLACES, HIT, engine=engine, record=True)
-        batch = simulate_batch(POOL, PLACES[None], HIT[None], engine=engine, record=engine.mode == "pic")
+        batch = simulate_batch(POOL, PLACES[None], HIT[None], engine=engine, record=True)
         assert np.array_equal(batch[0].positions, shot.positions)
         assert np.array_equal(shot.at(shot.time), shot.positions)
         shot.save("shot.json")

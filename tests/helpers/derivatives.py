@@ -17,11 +17,7 @@ from tests.helpers.shots import real
 
 STEP = mpmath.mpf(10) ** -25
 FALLING: dict[str, Any] = {"e_cushion": 0.93, "e_cushion_loss": 0.1, "e_cushion_onset": 0.2, "e_cushion_floor": 0.6}
-VARIABLE: dict[str, Any] = {
-    "e_cushion_topspin": 0.04,
-    "e_cushion_tangent": 0.07,
-    "e_cushion_slip": 0.05,
-}
+VARIABLE: dict[str, Any] = {"e_cushion_topspin": 0.04, "e_cushion_tangent": 0.07, "e_cushion_slip": 0.05}
 SCENES = {
     "ideal": Scene.named("ideal", 2),
     "rolling": Scene(Balls((0.03, 0.03, 0.04), (0.17, 0.3, 0.2)), Table(2.0, 1.0), Physics("rolling", "restitution")),
@@ -30,12 +26,7 @@ SCENES = {
     "stronge": real("carom", 2, **FALLING),
     "variable": dataclasses.replace(  # the engines of "match_carom"
         Scene.named("match_carom", 2),
-        physics=Physics(
-            ball_ball="frictional",
-            cushion="han2005_variable",
-            **VARIABLE,
-            mu_roll_speed=0.004,
-        ),
+        physics=Physics(ball_ball="frictional", cushion="han2005_variable", **VARIABLE, mu_roll_speed=0.004),
     ),
     "grip": real("carom", 2, mu_ball=0.05, mu_cushion=0.5),
     "floor": real("carom", 2, **{**FALLING, "e_cushion_floor": 0.9, "mu_cushion": 0.05}),

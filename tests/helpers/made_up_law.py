@@ -6,6 +6,7 @@ import sys
 import numba
 import numpy as np
 
+from billiards_env import derivatives
 from billiards_env.jit import inlined
 from billiards_env.physics.laws.balls import BallLaw
 from billiards_env.scene import SCENES, Balls, Physics, Scene, scene
@@ -51,7 +52,7 @@ def results_of(law):
         "full": first_hit(scenes[0], [[-0.3, 0.0], [0.0, 0.0], away]),
         "thin": first_hit(scenes[1], [[-1.6 * radius - 1e-11, 1.2 * radius], [0.0, 0.0], away]),
         "two at once": first_hit(scenes[0], [[-0.3, 0.0], [0.0, gap], [0.0, -gap]]),
-        "derivative": np.asarray(shot.jvp({"velocities": np.vstack((way, np.zeros((2, 2))))})).tolist(),
+        "derivative": np.asarray(derivatives.jvp(shot, {"velocities": np.vstack((way, np.zeros((2, 2))))})).tolist(),
         "difference": ((ends[0] - ends[1]) / (2 * step)).tolist(),
     }
 

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from benchmarks.reference.stress import measure
-from billiards_env import Engine, simulate, simulate_batch
+from billiards_env import Engine, derivatives, simulate, simulate_batch
 from billiards_env.engine.compile import MANY_BALLS
 from billiards_env.engine.runner import LOOK_AFTER
 from billiards_env.physics.laws.tables import CUSHIONS
@@ -195,8 +195,8 @@ def test_slow_impacts_on_cushions_count_as_work(monkeypatch):
     batch = simulate_batch(*shots, threads=1, record=True)
     for call in (
         lambda: simulate_batch(*shots, threads=1),
-        lambda: batch.jvp({"velocities": np.ones((3, 2)), "g": 1.0}, threads=1),
-        lambda: batch.vjp({"positions": np.ones((3, 2))}, ("velocities", "g"), threads=1),
+        lambda: derivatives.jvp(batch, {"velocities": np.ones((3, 2)), "g": 1.0}, threads=1),
+        lambda: derivatives.vjp(batch, {"positions": np.ones((3, 2))}, ("velocities", "g"), threads=1),
     ):
         assert looks(monkeypatch, call)[0] >= batch.cushions.sum() / 50
 

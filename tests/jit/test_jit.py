@@ -52,7 +52,7 @@ def calling(inner):
     return jit.allocating_entry_point(lambda x: inner(x) + 1)
 
 
-def test_the_cache_folder_is_the_selected_one_then_in_the_package_then_the_user_s(package, monkeypatch):
+def test_the_cache_folder_is_selected_in_the_package_or_the_user_s(package, monkeypatch):
     name = f"kernels-{folders.versions_hash()}"
     assert folders.cache_folder() == package / "__pycache__" / name
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(package / "given"))
@@ -273,7 +273,7 @@ def test_a_kernel_links_what_only_its_second_call_needs():
     assert calling(jit.kernel(both))(3) == 9
 
 
-def test_kernels_are_plain_functions_if_numba_is_disabled_and_a_process_warns_once(tmp_path):
+def test_kernels_are_plain_functions_if_numba_is_disabled_with_one_warning(tmp_path):
     (tmp_path / "file").touch()
     code = (
         "import warnings; warnings.simplefilter('always'); from billiards_env import engine, envs\n"

@@ -108,7 +108,7 @@ def test_the_rectangle_without_cushions_is_only_a_short_cut(name):
         assert walls.wall_time(path, R, end, NUMBERS, quick) == outline_walls.any_wall_time(path, R, end, quick)
 
 
-def test_a_table_with_a_corner_half_a_micrometre_inside_its_rectangle_has_no_short_cut():
+def test_a_corner_half_a_micrometre_inside_the_rectangle_has_no_short_cut():
     a_table = table([(0, 0), (1, 5e-7), (2, 0), (2, 1), (0, 1)])
     assert arrays(a_table).box.tolist() == [0.0, 0.0]
     t, _ = wall_time((0.0, 0.0, 0.0, -1.0, 0.0, 0.0), a_table)

@@ -3,6 +3,8 @@ import signal
 import threading
 import time
 from pathlib import Path
+from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -94,41 +96,29 @@ def test_a_window_is_opened(frames, capsys):
     assert "saved" not in capsys.readouterr().out
 
 
-def test_a_signal_saves_the_game_to_a_new_file(monkeypatch, tmp_path):
+FAULTS = [
+    (lambda: signal.raise_signal(signal.SIGTERM), SystemExit, "130"),
+    (Mock(side_effect=RuntimeError("the window broke")), RuntimeError, "the window broke"),
+    (Mock(side_effect=KeyError("player")), KeyError, "player"),
+]
+
+
+@pytest.mark.parametrize(("fault", "kind", "message"), FAULTS)
+@pytest.mark.parametrize(("options", "file"), [(["--save", "mine.json"], "mine.json"), ([], "game-2.json")])
+def test_a_signal_and_an_error_save_the_game(fault, kind, message, options, file, monkeypatch, tmp_path, capsys):
     def frame(self):
         self.model = go(self.model)
-        signal.raise_signal(signal.SIGTERM)
+        fault()
 
     monkeypatch.setattr(windows.GameWindow, "frame", frame)
     monkeypatch.chdir(tmp_path)
     Path("game.json").write_text("another game")
-    with pytest.raises(SystemExit, match="130"):
-        main(["--rules", "carom"])
-    saved = records.load(Path("game-2.json"))
-    assert isinstance(saved, records.GameRecord)
+    with pytest.raises(kind, match=message):
+        main(["--rules", "carom", *options])
+    saved: Any = records.load(Path(file))
     assert len(saved.strokes) == 1
     assert Path("game.json").read_text() == "another game"
-
-
-@pytest.mark.parametrize("fault", [RuntimeError("the window broke"), KeyError("player")])
-@pytest.mark.parametrize("options", [["--save", "mine.json"], []])
-def test_an_error_saves_the_game(monkeypatch, tmp_path, capsys, fault, options):
-    """Also an error of a player: the window raises it in its next frame."""
-
-    def frame(self):
-        if self.model.strokes:
-            raise fault
-        self.model = go(self.model)
-
-    monkeypatch.setattr(windows.GameWindow, "frame", frame)
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(type(fault), match=str(fault)):
-        main(["--rules", "carom", *options])
-    path = Path(options[1] if options else "game.json")
-    saved = records.load(path)
-    assert isinstance(saved, records.GameRecord)
-    assert len(saved.strokes) == 1
-    assert capsys.readouterr().out.endswith(f"saved to {path}\n")
+    assert capsys.readouterr().out.endswith(f"saved to {file}\n")
 
 
 def test_a_player_of_ones_own_that_fails_saves_the_game(monkeypatch, tmp_path):

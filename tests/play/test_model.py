@@ -84,12 +84,7 @@ def test_the_arrow_follows_the_mouse(make_model):
 
 def test_inputs_that_do_not_apply_have_no_effect(make_model):
     aiming = make_model(positions=STRAIGHT)
-    for inputs in (
-        (actions.move_to, (0.0, 0.0)),
-        actions.place,
-        actions.undo,
-        actions.repeat,
-    ):
+    for inputs in ((actions.move_to, (0.0, 0.0)), actions.place, actions.undo, actions.repeat):
         assert after(aiming, inputs) is aiming
     placing = make_model("nine_ball")
     for inputs in ((actions.turn_aim, 1.0), (actions.change_speed, 1.0), (actions.look_at, (0.0, 0.0))):

@@ -327,39 +327,41 @@ def test_the_mouse_places_the_cue_ball_in_hand(make_model, window):
     assert shown.model.aim.speed == pytest.approx(2.3)
 
 
-def test_quitting_asks_if_the_game_is_not_saved(shown, tmp_path):
-    plain = press(shown, pygame.K_SPACE, pygame.K_SPACE)
-    asked = press(shown, pygame.K_ESCAPE)
-    assert (shown.open, shown.asking) == (True, True)
-    assert (asked != plain).any()
-    left, top, *_ = shown._view.panel.places["shoot"]
-    assert (asked[top + 3 :, left:] == asked[-1, -1]).all()  # without the button
-    press(shown, pygame.K_LEFT)  # any other key continues and has no other effect
-    assert (shown.asking, shown.model.phase) == (False, "aiming")
-    press(shown, pygame.K_q, pygame.K_s)
-    assert (shown.open, shown.message) == (False, f"saved to {tmp_path / 'game.json'}")
-    record: Any = records.load(tmp_path / "game.json")
-    assert (record.strokes, len(record.strokes)) == (shown.model.strokes, 1)
+CLOSE, LEFT, Q, S = pygame.QUIT, pygame.K_LEFT, pygame.K_q, pygame.K_s
+QUITS = [  # the events, and whether the window is open, asks and has saved the game after them
+    ([CLOSE], True, True, False),
+    ([pygame.K_ESCAPE], True, True, False),
+    ([Q, LEFT], True, False, False),  # any other key continues and has no other effect
+    ([CLOSE, CLOSE], False, True, False),
+    ([CLOSE, Q], False, True, False),
+    ([Q, S], False, False, True),
+    ([S, CLOSE], False, False, True),
+]
 
 
-QUIT, Q = {"kind": pygame.QUIT}, {"kind": pygame.KEYDOWN, "key": pygame.K_q, "mod": 0, "unicode": ""}
-QUITS = {
-    "the game is saved": (pygame.K_s, True, [QUIT]),
-    "it is saved afterwards": (None, False, [QUIT]),
-    "the window is closed twice": (None, True, [QUIT, QUIT]),
-    "the answer is to quit": (None, True, [QUIT, Q]),
-}
+@pytest.mark.parametrize(("events", "is_open", "asks", "saves"), QUITS)
+def test_quitting_asks_if_the_game_is_not_saved(events, is_open, asks, saves, shown, tmp_path):
+    frame = plain = press(shown, pygame.K_SPACE, pygame.K_SPACE)
+    aim = shown.model.aim
+    for event in events:
+        post(CLOSE) if event == CLOSE else post(pygame.KEYDOWN, key=event, mod=0, unicode="")
+        frame = press(shown)
+    assert (shown.open, shown.asking, shown.saved, shown.model.aim) == (is_open, asks, saves, aim)
+    assert (tmp_path / "game.json").exists() == saves
+    if is_open and asks:
+        left, top, *_ = shown._view.panel.places["shoot"]
+        assert (frame != plain).any()
+        assert (frame[top + 3 :, left:] == frame[-1, -1]).all()  # without the button
+    if saves:
+        assert shown.message == f"saved to {tmp_path / 'game.json'}"
+        record: Any = records.load(tmp_path / "game.json")
+        assert (record.strokes, len(record.strokes)) == (shown.model.strokes, 1)
 
 
-@pytest.mark.parametrize(("key", "ask", "events"), QUITS.values(), ids=QUITS)
-def test_quitting(key, ask, events, shown, tmp_path):
-    shown.ask = ask
-    press(shown, pygame.K_SPACE, pygame.K_SPACE, *([key] if key else []))
-    for left, event in zip(range(len(events))[::-1], events, strict=True):
-        post(**event)
-        press(shown)
-        assert shown.open == (left > 0)
-    assert (tmp_path / "game.json").exists() == (key is not None)
+def test_without_the_question_the_window_closes(shown):
+    shown.ask = False
+    press(shown, pygame.K_SPACE, pygame.K_SPACE, pygame.K_q)
+    assert not shown.open
 
 
 def test_nothing_is_drawn_while_nothing_changes(shown, monkeypatch):
@@ -531,15 +533,6 @@ def test_the_window_shows_the_shots_that_a_program_considers(make_model, window)
         press(shown)
     assert shown.model.considered == ()
     assert act.consider(shown.model, plans) is shown.model
-
-
-def test_an_error_of_a_program_is_raised(make_model, window):
-    def player(*_):
-        raise RuntimeError("no idea")
-
-    shown = window(make_model(positions=BALLS, players=("program", "human")), (player, None))
-    with pytest.raises(RuntimeError, match="no idea"):
-        shown.run()
 
 
 def lit(frame, shown, point, colour):

@@ -66,7 +66,7 @@ def test_ratings_are_the_rewards_of_steps(kwargs):
             assert reward == rated[k]
 
 
-def test_the_search_player_is_at_least_as_good_as_the_geometric_one_and_repeatable():
+def test_the_search_player_is_repeatable_and_as_good_as_the_geometric_one():
     env, rng = make_env(), RNG(0)
     earned: dict[str, list[float]] = {"geometric": [], "search:1": [], "search:50": []}
     for name in earned:
@@ -146,7 +146,7 @@ ACTIONS = {"velocity": [0.9, 0.8], "strike": [0.5, 0.1, 0.3, -0.2, 0.1], "cut": 
 
 
 @pytest.mark.parametrize("action", ACTIONS)
-def test_an_environment_plays_the_action_of_a_stroke_and_a_changed_stroke_has_none(action):
+def test_an_environment_plays_the_action_of_an_unchanged_stroke(action):
     env = make_env(action=action, scene="real_pool", n_object_balls=2, max_shots=2)
     env.reset(seed=0)
     stroke, before = env_situation(env).stroke(ACTIONS[action]), env.positions

@@ -135,7 +135,7 @@ def test_a_ball_stopped_by_an_impact_rests_for_every_direction():
     assert shot.segments[0][-1].phase == "rest"
 
 
-def test_balls_placed_with_an_overlap_of_rounding_size_meet_again_even_if_it_stays():
+def test_balls_with_an_overlap_of_rounding_size_meet_again():
     # They part by 2.5e-17 m before the top spin brings the ball back.
     scene = Scene(Balls((R, R), (0.17, math.inf)), Table(64, 64))
     shot = reference_shot(scene, [[1e-13 - 2 * R, 0.0], [0.0, 0.0]], [-1e-8, 0.0], [0.0, 100.0, 0.0], max_events=1)

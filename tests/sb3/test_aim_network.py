@@ -100,7 +100,7 @@ def test_other_balls_matter_unless_they_are_potted(form):
         torch.testing.assert_close(gone, same)
 
 
-def test_balls_in_the_way_of_the_cue_ball_or_of_the_object_ball_change_the_logits():
+def test_balls_in_the_way_change_the_logits():
     net = AimNetwork(HALF, 1, (0.1, 0.3, 0.6), 16, diameter=0.06)
     with torch.no_grad():
         net.first_points[:] = torch.tensor([[0.0], [0.03]])  # half a ball to the left: a cut of 30 degrees

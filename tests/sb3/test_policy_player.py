@@ -64,7 +64,7 @@ def test_the_stroke_is_the_shot_of_the_policy_in_the_plain_environment(tmp_path,
         np.testing.assert_allclose(stroke.velocity, 5.0 * action.astype(float), rtol=1e-6)
 
 
-def test_a_policy_is_a_player_of_an_environment_made_without_gymnasium_but_of_no_other_speed(tmp_path):
+def test_a_policy_plays_an_environment_made_without_gymnasium_at_its_speed(tmp_path):
     folder, model, env = untrained(tmp_path, max_speed=5.0)
     observation, _ = env.reset(seed=0)
     plain = envs.make_env(max_speed=5.0)
@@ -218,7 +218,7 @@ def test_a_policy_of_one_ball_plays_the_legal_ball_with_the_largest_value(tmp_pa
 
 
 @pytest.mark.parametrize("balls", [1, 2])
-def test_a_policy_that_aims_plays_a_game_with_any_number_of_balls_and_only_at_legal_ones(tmp_path, balls):
+def test_a_policy_that_aims_plays_with_any_number_of_balls_at_legal_ones(tmp_path, balls):
     folder, *_ = untrained(tmp_path, n_object_balls=balls, max_shots=balls, observe=["positions", "shots_left"])
     game = setup("nine_ball")
     table = custom_opening(game, in_a_row(10, {1: (0.9, 0.5)}))

@@ -61,7 +61,7 @@ def test_a_wrong_configuration_or_one_of_another_world_is_refused(case, folder):
         load_policy(folder, *env)
 
 
-def test_a_policy_for_a_frozen_task_plays_it_whatever_the_rewards_of_the_training(folder):
+def test_a_policy_for_a_frozen_task_plays_it_whatever_its_rewards_were(folder):
     (folder / "config.yaml").write_text(f"task: Pot1-v0\n{settings({'task': 'clear'})}")
     assert load_policy(folder, {"task": "pot"})[0]["task"] == "pot"
     with pytest.raises(ValueError, match="another task: expected 'clear', not 'position'"):

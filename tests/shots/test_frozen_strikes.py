@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from billiards_env import Scene, simulate, simulate_batch, strike
+from billiards_env import Scene, derivatives, simulate, simulate_batch, strike
 from billiards_env.engine import frozen_strike
 from billiards_env.engine.frozen_strike import LEFT
 from billiards_env.envs import episodes, make_env, make_vector_env
@@ -126,7 +126,7 @@ def test_a_batch_repeats_single_shots_and_its_records():
 def test_the_derivative_by_the_strike_is_refused():
     shot = simulate(POOL, PAIR, strike(POOL, 1.0, 0.2), record=True)
     with pytest.raises(ValueError, match="expected the strike of the shot"):
-        shot.jacobian(by="strike", strike=[1.0, 0.2, 0.0, 0.0, 0.0])
+        derivatives.jacobian(shot, by="strike", strike=[1.0, 0.2, 0.0, 0.0, 0.0])
 
 
 def test_the_environments_play_the_strike():

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import Scene, simulate, simulate_batch, strike
+from billiards_env import Scene, derivatives, simulate, simulate_batch, strike
 from billiards_env.calibration.tracks import Track, check_tracks
 from billiards_env.engine import PIC, Engine
 from billiards_env.scene import Balls, Cue, Physics
+from billiards_env.shots.result import ShotResult
 
 POOL = Scene.named("pool")
 PLACES = [[-0.5, 0.0], [0.5, 0.0]]
@@ -53,10 +54,12 @@ def tracked(*tracks, name="a", times=None, positions=None):
 
 
 def of_shot(method, *arguments, start=START, engine=PIC, recorded=True, **options):
-    """Returns a call of a method of a shot."""
+    """Returns a call of a method of a shot, or of a function of `derivatives`."""
 
     def call():
-        result = getattr(simulate(*start, record=recorded, engine=engine), method)(*arguments, **options)
+        shot = simulate(*start, record=recorded, engine=engine)
+        function = getattr(derivatives, method, None) or getattr(ShotResult, method)
+        result = function(shot, *arguments, **options)
         return list(result) if method == "sensitivities" else result
 
     return call
@@ -79,7 +82,6 @@ BATCHES = [
     (many(positions=[PLACES, [[0, 0], [0.05, 0]]]), "positions: shot 1, balls 0 and 1 are 0.05 m apart"),
     (many(velocities=[1, 0, 0]), "velocities has shape (3,): expected (2, 2, 2) for all balls or (2, 2) for"),
     (many(velocities=[[1, 0], [1e200, 0]]), "velocities[1][0] = [1e+200, 0.0]: expected numbers from"),
-    (many(engine=Engine("pit", 0.01), record=True), "record = True with engine PIT, dt = 1/100 s: expected PIC"),
     (lambda: many()()[2], "batch[2]: expected an index from -2 to 1"),
     (many(physics={"mu_rol": [1, 1]}), "key of physics = 'mu_rol': expected one of "),
     (many(physics={"mu_roll": [0.1]}), "physics['mu_roll'] has shape (1,): expected (2,)"),
@@ -108,7 +110,6 @@ TIMESTEPS = [
     (engine("pic", None, "none"), "fix = 'none' with mode='pic': expected None, PIC has no overlaps to fix"),
 ]
 BACKWARDS = POOL, PLACES, strike(POOL, -1.5, 0.0)
-RECORDED = "expected a shot of simulate(..., record=True) by PIC"
 DERIVATIVES = [
     (of_shot("jvp", {"positions": [1.0, 2.0]}), "tangents['positions'] has shape (2,): expected (2, 2)"),
     (of_shot("jvp", {"e_ball": 1.0}, "places"), "of = 'places'"),
@@ -122,9 +123,9 @@ DERIVATIVES = [
         of_shot("jacobian", "positions", "strike", start=BACKWARDS, strike=[-1.5, 0, 0, 0, 0]),
         "speed = -1.5: expected a number >= 0 for a derivative",
     ),
-    (of_shot("sensitivity", recorded=False), f"shot.sensitivity: {RECORDED}"),
-    (of_shot("sensitivity", engine=Engine("pit", 0.1)), f"shot.sensitivity: {RECORDED}"),
-    (lambda: many()().vjp({"positions": 1.0}), "batch.vjp: expected a batch of simulate_batch(..., record=True) by"),
+    (of_shot("sensitivity", recorded=False), "shots.log = None: expected recorded shots, from simulate or"),
+    (of_shot("sensitivity", engine=Engine("pit", 0.1)), "shots.engine = 'PIT, dt = 1/10 s': expected 'PIC'"),
+    (lambda: derivatives.vjp(many()(), {"positions": 1.0}), "shots.log = None: expected recorded shots"),
     (
         of_shot("sensitivities", [1.0, 0.5]),
         "times = [1.0, 0.5]: expected finite numbers of seconds >= 0 in ascending order",

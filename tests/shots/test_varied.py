@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from billiards_env import Engine, Scene, simulate, simulate_batch
+from billiards_env import Engine, Scene, derivatives, simulate, simulate_batch
 from billiards_env.derivatives.shot_derivatives import physics_inputs
 from billiards_env.engine.compile import PIC, scene_fields, varied_fields
 from billiards_env.scene import PARAMETERS
@@ -80,12 +80,12 @@ def test_each_shot_equals_a_single_shot_with_its_physics_bit_for_bit(name, names
     for shot, single in zip(batch, singles, strict=True):
         same_record(shot, single)
     tangents: dict[str, Any] = {"velocities": np.ones((3, 2)), **dict.fromkeys(names, 1.0)}
-    change = batch.jvp(tangents)
+    change = derivatives.jvp(batch, tangents)
     by = data.draw(st.sampled_from(sorted(tangents)))
-    gradient = batch.vjp({"positions": np.ones((3, 2))}, by)
+    gradient = derivatives.vjp(batch, {"positions": np.ones((3, 2))}, by)
     for k, single in enumerate(singles):
-        assert change[k].tobytes() == single.jvp(tangents).tobytes()
-        assert gradient[k].tobytes() == single.vjp({"positions": np.ones((3, 2))}, by).tobytes()
+        assert change[k].tobytes() == derivatives.jvp(single, tangents).tobytes()
+        assert gradient[k].tobytes() == derivatives.vjp(single, {"positions": np.ones((3, 2))}, by).tobytes()
 
 
 def test_the_certainty_of_each_shot_is_that_of_its_physics():
@@ -96,7 +96,7 @@ def test_the_certainty_of_each_shot_is_that_of_its_physics():
     starts = np.stack((rng.uniform(4, 8, m), rng.uniform(-0.6, 0.6, m)), axis=1)
     physics = {"mu_slide": rng.choice([0.01, 1.0], m), "e_ball": rng.uniform(0.0, 1.0, m)}
     batch = simulate_batch(Scene.named("pool", 9), places, starts, physics=physics, record=True)
-    assert batch.certainty().contacts.tolist() == [shot.certainty().contacts for shot in batch]
+    assert derivatives.certainty(batch).contacts.tolist() == [derivatives.certainty(shot).contacts for shot in batch]
 
 
 @pytest.mark.parametrize("fix", ["push_apart", "move_back", "none"])
@@ -118,17 +118,17 @@ def test_pieces_of_a_batch_on_several_threads_have_the_physics_of_their_shots():
         for threads in (1, 2)
     )
     assert batch.positions.tobytes() == twin.positions.tobytes()
-    gradient = twin.vjp({"positions": np.ones((m, 3, 2))}, ("mu_roll", "g"), threads=2)
-    margins = twin.margins()
+    gradient = derivatives.vjp(twin, {"positions": np.ones((m, 3, 2))}, ("mu_roll", "g"), threads=2)
+    margins = derivatives.margins(twin)
     for k in (0, m // 2, m - 1):
         single = simulate(with_physics(scene, physics, k), places[k], starts[k], spins=spins[k], record=True)
         assert single.positions.tobytes() == batch.positions[k].tobytes()
-        assert gradient["mu_roll"][k] == single.vjp({"positions": np.ones((3, 2))}, "mu_roll")
-        assert gradient["g"][k] == single.vjp({"positions": np.ones((3, 2))}, "g")
-        assert margins.balls[k].tobytes() == single.margins().balls.tobytes()
+        assert gradient["mu_roll"][k] == derivatives.vjp(single, {"positions": np.ones((3, 2))}, "mu_roll")
+        assert gradient["g"][k] == derivatives.vjp(single, {"positions": np.ones((3, 2))}, "g")
+        assert margins.balls[k].tobytes() == derivatives.margins(single).balls.tobytes()
 
 
-def test_the_friction_of_balls_is_an_input_of_the_derivatives_if_the_shots_have_a_constant():
+def test_a_constant_friction_of_balls_is_an_input_of_the_derivatives():
     physics = SCENES["uk_pool"].physics  # it has the law of Marlow
     assert physics_inputs(physics, {"mu_ball": np.array([0.1])}).keys() - physics_inputs(physics).keys() == {"mu_ball"}
 

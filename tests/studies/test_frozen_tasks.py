@@ -38,6 +38,14 @@ def test_the_command_measures_what_has_no_results(tmp_path, monkeypatch, capsys)
     assert again["NineBall-v0"]["players"]["random"]["return"] < 7.0
 
 
+HEADINGS = {
+    heading.lower().replace(" ", "-")
+    for heading in re.findall(
+        r"^#+ (.*)$", (IMAGES.parent / "environment.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
+}
+
+
 @pytest.mark.parametrize("name", FROZEN)
 def test_each_id_has_a_page(name):
     page, task = frozen_tasks.page(name), FROZEN[name]
@@ -51,6 +59,7 @@ def test_each_id_has_a_page(name):
     assert all(f"- {line}" in page for line in task.history)
     assert ("[strike](" in page) == (task.arguments["action"] == "strike")
     assert ("`angle_std=0.125`" in page) == ("Noise" in name)
+    assert set(re.findall(r"/environment\.md#([\w-]+)", page)) <= HEADINGS
 
 
 def test_the_text_about_a_task_fits_it():

@@ -282,3 +282,38 @@ def test_a_wrong_value_is_named(call, message):
 
 def test_a_vector_environment_whose_construction_failed_can_be_closed():
     BilliardsVectorEnv.__new__(BilliardsVectorEnv).close_extras()
+
+
+RAGGED: Any = [[0.1, 0.2], [0.3]]
+TIMES: Any = np.array([1, 2], "m8[s]")
+ONE: Any = np.array(1)
+RAISED: list[tuple[Callable[[], Any], str]] = [
+    (lambda: numbers("x", [True, False]), r"x = \[True, False\]: expected finite numbers in an array"),
+    (lambda: numbers("x", np.array([True, 0.5], object)), "x = .*: expected finite numbers in an array"),
+    (lambda: numbers("x", TIMES), "x = .*: expected finite numbers in an array"),
+    (lambda: numbers("x", TIMES.astype(object)), "x = .*: expected finite numbers in an array"),
+    (lambda: real("x", TIMES[0]), "x = .*: expected a number, not timedelta64"),
+    (lambda: integer("x", TIMES[0], "seed"), "x = .*: expected a whole number"),
+    (lambda: simulate(POOL, PLACES, [True, False]), "velocities = .*: expected finite numbers"),
+    (lambda: simulate(POOL, PLACES, [1.0, 0.0], in_play=RAGGED), "in_play = .*: expected an array, or lists of one le"),
+    (lambda: simulate(POOL, PLACES, [1.0, 0.0], record=True).sensitivities(1.0), r"times = 1\.0: expected finite numb"),
+    (lambda: make_env().reset(options={"episode_seed": RAGGED}), r"options\['episode_seed'\] = .*: expected an array"),
+    (lambda: make_env().decode([0.0, 0.0]), "observation has 0 numbers: expected 4, of positions"),
+    (lambda: make_vector_env(2).get_state(RAGGED), "rows = .*: expected numbers of environments"),
+    (lambda: make_vector_env(2).reset(seed=ONE), r"seed = array\(1\): expected a whole number >= 0"),
+    (lambda: make_vector_env(2).reset(seed=TIMES), "seed of environment 0 = .*: expected a whole number >= 0"),
+    (
+        lambda: goal_env().compute_reward(["1", "0", "1"], [0.0, 0.0, 1.0], {}),
+        "achieved_goal = .*: expected finite num",
+    ),
+]
+
+
+def goal_env() -> Any:
+    return make_env(task="place", observe="goal")
+
+
+@pytest.mark.parametrize(("call", "message"), RAISED)
+def test_values_are_checked_before_they_are_converted(call, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        call()

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from benchmarks.reference.stress import draw
 from benchmarks.reference.stress.checks import DRIFT_X, DRIFT_Y, IMPACTS, MOMENTUM, OVERLAP, check_shots
 from benchmarks.reference.stress.scenes import ideal
+from billiards_env import derivatives
 from billiards_env.derivatives.shot_derivatives import UNIT_ROUNDOFF
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
@@ -77,7 +78,7 @@ def reversal(seed: int) -> dict[str, float]:
     assert there.events is not None
     return {
         "error": float(np.abs(back.positions - places).max()),
-        "predicted": UNIT_ROUNDOFF * back.sensitivity().condition,
+        "predicted": UNIT_ROUNDOFF * derivatives.sensitivity(back).condition,
         "collisions": int((there.events["kind"] == "ball_ball").sum()),
     }
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.derivatives.shot_derivatives import MARGINS, physics_inputs
+from billiards_env.derivatives.shot_derivatives import MARGINS, jvp, margins, physics_inputs, vjp
 from billiards_env.scene import Scene, check_scene
 from billiards_env.shots.simulation import BatchResult, simulate_batch
 from billiards_env.support.checks import one_of, shaped, short
@@ -75,17 +75,17 @@ class ShotFunction:
         """Returns the outputs of shots, which are recorded if an output is a margin."""
         by_name = {name: getattr(batch, name) for name in STARTS}
         if set(self.outputs) & set(MARGINS):
-            by_name |= zip(MARGINS, batch.margins(threads=self.options.get("threads")), strict=False)
+            by_name |= zip(MARGINS, margins(batch, threads=self.options.get("threads")), strict=False)
         return [by_name[name] for name in self.outputs]
 
     def vjp(self, batch: BatchResult, cotangents: Sequence[Floats]) -> list[Floats]:
         """Returns the gradients of recorded shots with respect to the inputs of each shot."""
         of = dict(zip(self.outputs, cotangents, strict=True))
-        by_name = batch.vjp(of, self.inputs, threads=self.options.get("threads"))
+        by_name = vjp(batch, of, self.inputs, threads=self.options.get("threads"))
         return [by_name[name] for name in self.inputs]
 
     def jvp(self, batch: BatchResult, tangents: Sequence[Floats]) -> list[Floats]:
         """Returns the derivatives of the outputs of recorded shots, for tangents of the inputs of each shot."""
         by = dict(zip(self.inputs, tangents, strict=True))
-        by_name = batch.jvp(by, self.outputs, threads=self.options.get("threads"))
+        by_name = jvp(batch, by, self.outputs, threads=self.options.get("threads"))
         return [by_name[name] for name in self.outputs]
