@@ -317,10 +317,11 @@ LEARNER = Learner(
     _check,
     lambda config, run_dir: LikelihoodTraining(config),
 )
-"""
-The settings: `layouts`, the number of layouts of an update, and `imitation`, the share of all shots that the first
-phase plays. In this phase `hits` and `own` are the numbers of random hits and of actions of the policy in each layout,
-`labels` is the largest number of shots that score in a step of the optimizer, and `passes` the number of steps for each
-update. In the second phase `samples` is the number of actions of the policy in each layout. `learning_rate` has the
-rates of the start and of the end; in the second phase they are halved.
+"""The learner "likelihood". It trains the policy "aim".
+
+`layouts` is the number of layouts of an update, and `imitation` the share of all shots that the first phase plays. In
+this phase `hits` and `own` are the numbers of random hits and of actions of the policy in each layout, `labels` is the
+largest number of shots that score in a step of the optimizer, and `passes` the number of steps for each update. In the
+second phase `samples` is the number of actions of the policy in each layout. `learning_rate` has the rates of the start
+and of the end; in the second phase they are halved.
 """

@@ -204,7 +204,10 @@ LEARNER = Learner(
     _check,
     PPOTraining,
 )
-"""Its settings are arguments of `stable_baselines3.PPO`, which has their defaults."""
+"""The learner "ppo". Its settings are arguments of `stable_baselines3.PPO`, which has their defaults.
+
+A pair of learning rates has the rate of the start and of the end. With the policy "aim" the defaults are `AIM_PPO`.
+"""
 
 AIM_PPO = {
     **{name: PPO_SETTINGS[name] for name in PPO_SETTINGS if name in LEARNER.settings},

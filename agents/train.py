@@ -37,7 +37,7 @@ from agents.learners import LEARNERS
 from agents.ppo import deterministic, make_policy, make_vector
 from billiards_env.bench.evaluation import evaluation_seeds, play_together
 from billiards_env.sb3.weights import load_weights
-from billiards_env.support.checks import Range, entry_of, number, real, result_of
+from billiards_env.support.checks import Range, entry_of, integer, number, real, result_of
 from billiards_env.support.commands import Parser, ending
 from billiards_env.support.files import read_text, refusing, write_atomically, write_json
 
@@ -128,8 +128,9 @@ def train(
                 training.restart()
                 rate, interval = 0.0, config.checkpoint_every
                 goal = min((training.shots // interval + 1) * interval, config.timesteps)
-                while training.shots < goal:
+                while (before := training.shots) < goal:
                     rate = real("training_success", training.update(), Range(0.0, 1.0))
+                    training.shots = integer("shots", training.shots, Range(before + 1, None))
                 if training.shots < config.timesteps:
                     (run_dir / "checkpoints").mkdir(exist_ok=True)
                     training.save(run_dir / "checkpoints" / f"{training.shots:09d}.zip")
