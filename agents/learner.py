@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -54,26 +55,28 @@ class Training:
     Attributes:
         policy: The policy.
         shots: The number of shots (environment steps) so far.
+        clock: Measures the time of the training, s.
     """
 
     policy: BasePolicy
     shots: int = 0
+    clock: Callable[[], float] = staticmethod(time.process_time)
 
     def restart(self) -> None:
         """Seeds all random generators and begins new episodes, at the start and after each checkpoint."""
-        raise NotImplementedError
 
     def update(self) -> float:
         """Plays shots, adds their number to `shots`, learns, and returns the `training_success` of `train.Point`."""
         raise NotImplementedError
 
     def save(self, path: Path) -> None:
-        """Writes a checkpoint. The name of the file, without its suffix, is the number of shots."""
-        raise NotImplementedError
+        """Writes a checkpoint, whose name without the suffix is the number of shots.
+
+        Without checkpoints an interrupted training begins again.
+        """
 
     def load(self, path: Path) -> None:
         """Reads a checkpoint. Raises a ValueError if it is damaged."""
-        raise NotImplementedError
 
     def finish(self, run_dir: Path) -> None:
         """Writes the result: `policy.pt`."""
@@ -84,8 +87,14 @@ class Training:
 
 
 def whole(least: int, most: int | None = None) -> Check:
-    """Returns the check of a whole number, also one such as 1e6, which YAML reads as another number or as text."""
-    return lambda name, value: integer(name, as_integer(value), Range(least, most))
+    """Returns the check of a whole number, also one such as 1e6, which YAML reads as a text or another number."""
+
+    def check(name: str, value: Any) -> int:
+        value = number(value)
+        is_whole = isinstance(value, float) and value.is_integer()
+        return integer(name, int(value) if is_whole else value, Range(least, most))
+
+    return check
 
 
 def up_to(most: float) -> Check:
@@ -98,9 +107,3 @@ def rates(name: str, value: Any) -> list[float]:
     if not isinstance(value, list) or len(value) != 2:
         raise ValueError(f"{name} = {short(value)}: expected a pair of rates")
     return [up_to(1.0)(name, rate) for rate in value]
-
-
-def as_integer(value: Any) -> Any:
-    """Returns a text such as "1e6" as a whole number, if it is one."""
-    value = number(value)
-    return int(value) if isinstance(value, float) and value.is_integer() else value

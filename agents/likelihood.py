@@ -24,7 +24,6 @@ random. If no shot scores, or those that score end the episode, a new episode be
 
 from __future__ import annotations
 
-import io
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -44,7 +43,7 @@ from billiards_env.players.strategies import hits
 from billiards_env.sb3.aim_network import Mixture
 from billiards_env.sb3.aim_policy import AimPolicy
 from billiards_env.sb3.weights import whole_archive
-from billiards_env.support.files import write_atomically
+from billiards_env.support.files import replacing
 
 if TYPE_CHECKING:
     from agents.config import Config  # which imports the learners
@@ -228,9 +227,9 @@ class LikelihoodTraining(Training):
 
     def save(self, path: Path) -> None:
         """Writes a checkpoint."""
-        buffer, optimizers = io.BytesIO(), [optimizer.state_dict() for optimizer in self._optimizers]
-        torch.save({"policy": self.policy.state_dict(), "optimizers": optimizers}, buffer)
-        write_atomically(path, buffer.getvalue())
+        optimizers = [optimizer.state_dict() for optimizer in self._optimizers]
+        with replacing(path) as temporary:
+            torch.save({"policy": self.policy.state_dict(), "optimizers": optimizers}, temporary)
 
     def load(self, path: Path) -> None:
         """Reads a checkpoint."""
@@ -301,19 +300,11 @@ def _check(config: Config) -> None:
     config.n_envs = config.settings["layouts"]
 
 
-_COUNT = whole(1, 1_000_000)
+_COUNTS = {"layouts": 128, "hits": 32, "own": 8, "labels": 1200, "passes": 2, "samples": 32}
 
 LEARNER = Learner(
-    {
-        "layouts": Setting(_COUNT, 128),
-        "hits": Setting(_COUNT, 32),
-        "own": Setting(_COUNT, 8),
-        "labels": Setting(_COUNT, 1200),
-        "passes": Setting(_COUNT, 2),
-        "imitation": Setting(up_to(1.0), 0.5),
-        "samples": Setting(_COUNT, 32),
-        "learning_rate": Setting(rates, [4e-3, 4e-5]),
-    },
+    {name: Setting(whole(1, 1_000_000), default) for name, default in _COUNTS.items()}
+    | {"imitation": Setting(up_to(1.0), 0.5), "learning_rate": Setting(rates, [4e-3, 4e-5])},
     _check,
     lambda config, run_dir: LikelihoodTraining(config),
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -23,7 +22,7 @@ from billiards_env.sb3 import PPO_SETTINGS
 from billiards_env.sb3.vec_env import SameStepVecEnv
 from billiards_env.sb3.weights import POLICIES, build_policy, policy_arguments, whole_archive
 from billiards_env.support.checks import flag
-from billiards_env.support.files import write_atomically
+from billiards_env.support.files import replacing
 
 if TYPE_CHECKING:
     from agents.config import Config  # which imports the learners
@@ -157,9 +156,8 @@ class PPOTraining(Training):
 
     def save(self, path: Path) -> None:
         """Writes the model."""
-        buffer = io.BytesIO()
-        self.model.save(buffer)
-        write_atomically(path, buffer.getvalue())
+        with replacing(path) as temporary:
+            self.model.save(temporary)
 
     def load(self, path: Path) -> None:
         """Reads the weights and the number of steps of a model. Nothing else is read, so no code runs."""
@@ -209,8 +207,5 @@ LEARNER = Learner(
 A pair of learning rates has the rate of the start and of the end. With the policy "aim" the defaults are `AIM_PPO`.
 """
 
-AIM_PPO = {
-    **{name: PPO_SETTINGS[name] for name in PPO_SETTINGS if name in LEARNER.settings},
-    "learning_rate": [2e-3, 2e-5],
-}
+AIM_PPO = {key: PPO_SETTINGS[key] for key in PPO_SETTINGS if key in LEARNER.settings} | {"learning_rate": [2e-3, 2e-5]}
 """The defaults with the policy "aim": `PPO_SETTINGS` as plain data."""

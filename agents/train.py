@@ -20,7 +20,6 @@ import importlib.metadata
 import io
 import platform
 import shutil
-import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -93,19 +92,13 @@ def locked(run_dir: Path) -> FileLock:
     return FileLock(run_dir / _LOCK, timeout=0)
 
 
-def train(
-    config: Config,
-    run_dir: Path,
-    make: Callable[[Config, Path], Training] | None = None,
-    clock: Callable[[], float] = time.process_time,
-) -> None:
+def train(config: Config, run_dir: Path, make: Callable[[Config, Path], Training] | None = None) -> None:
     """Trains a configuration, from the newest checkpoint if there is one. Does nothing if the run is finished.
 
     Args:
         config: The configuration.
         run_dir: The folder of the run, prepared by `open_run`.
         make: Makes the training; None for that of the learner of the configuration.
-        clock: As in `LearningCurve`.
 
     Raises:
         OSError: If another process trains in the folder.
@@ -122,7 +115,7 @@ def train(
         elif config.start_from is not None:
             start_from(training.policy, config.start_from)
         print(f"{run_dir}: {training.shots:,} of {config.timesteps:,} shots")
-        with closing(LearningCurve(config, run_dir, training.shots, clock)) as curve:
+        with closing(LearningCurve(config, run_dir, training.shots, training.clock)) as curve:
             curve.measure(training.policy, training.shots, 0.0)
             while training.shots < config.timesteps:
                 training.restart()
@@ -224,9 +217,7 @@ class LearningCurve:
         clock: Measures the time of the training, s.
     """
 
-    def __init__(
-        self, config: Config, run_dir: Path, steps: int, clock: Callable[[], float] = time.process_time
-    ) -> None:
+    def __init__(self, config: Config, run_dir: Path, steps: int, clock: Callable[[], float]) -> None:
         self.config, self.run_dir, self.clock = config, run_dir, clock
         self.points = [point for point in learning_curve(run_dir) if point.steps <= steps]
         self._envs = make_vector(config, config.evaluation_episodes)

@@ -29,6 +29,8 @@ from billiards_env.support.commands import Parser
 class RLlibTraining(Training):
     """A training with PPO of RLlib. Ray must be running; `runners` as in `algorithm_config`."""
 
+    clock = staticmethod(time.perf_counter)
+
     def __init__(self, config: Config, runners: int) -> None:
         from agents.rllib.algorithm import ArrayPPO, algorithm_config  # imports Ray
 
@@ -81,7 +83,7 @@ def train(config: Config, run_dir: Path, runners: int = 1) -> None:
         OSError: If another process trains in the folder.
         ValueError: As in `algorithm_config`.
     """
-    run(config, run_dir, lambda config, run_dir: RLlibTraining(config, runners), time.perf_counter)
+    run(config, run_dir, lambda config, run_dir: RLlibTraining(config, runners))
 
 
 def main(arguments: list[str] | None = None) -> None:
