@@ -135,7 +135,7 @@ class Config:
         keys = [field.name for field in dataclasses.fields(cls) if field.name != "settings"]
         for key, value in data.items():
             one_of("key of the settings", key, (*keys, *LEARNERS))
-            if value and key not in (*keys, section):
+            if value != {} and key not in (*keys, section):
                 raise ValueError(f"{key} = {short(value)}: expected nothing with learner = {learner!r}")
         own = {key: data[key] for key in keys if key in data}
         return cls(**fields_of(cls, "the settings", {**own, "settings": data.get(section, {})}))

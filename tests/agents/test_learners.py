@@ -62,6 +62,7 @@ def test_the_command_trains_with_a_learner_of_another_package(tmp_path, capsys):
         ({"draw": {"spread": 11}}, "draw.spread = 11: expected a number from 0 to 10"),
         ({"draw": {"spread": "wide"}}, "draw.spread = 'wide': expected a number, not str", TypeError),
         ({"ppo": {"n_steps": 3}}, "ppo = .*: expected nothing with learner = 'my_learner:draw'"),
+        ({"likelihood": None}, "likelihood = None: expected nothing with learner = 'my_learner:draw'"),
         ({"policy": {"head": "aim"}}, "policy.head = 'aim': expected 'gaussian' with learner = 'draw'"),
         (
             {"settings": {"spread": 1}},
