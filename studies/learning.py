@@ -23,7 +23,8 @@ import gymnasium as gym
 import numpy as np
 
 from agents.config import LEARNING, Config, load, rows
-from agents.ppo import deterministic, load_run
+from agents.evaluate import load_run
+from agents.ppo import deterministic
 from agents.train import Point, learning_curve, open_run, train, versions
 from benchmarks import machine, machine_line, new_figure, run_command, save, table
 from billiards_env.bench import benchmark as bench

@@ -342,6 +342,8 @@ def _definition(entry: Any) -> Any:
     """
     if isinstance(entry, tuple):
         return tuple(map(_definition, entry))
+    if isinstance(entry, Mapping):
+        return {key: _definition(value) for key, value in entry.items()}
     code = getattr(getattr(entry, "py_func", entry), "__code__", None)
     return (entry.__module__, entry.__qualname__, code and code.co_code) if hasattr(entry, "__qualname__") else entry
 
