@@ -325,7 +325,6 @@ WRONG: list[tuple[Any, Any, str]] = [
     (lambda judge: in_game(judge=judge), half_a_point, "^task " + KERNELS),
     (lambda judge: in_play(judge=judge), half_a_point, "^rules " + KERNELS),
     (lambda judge: in_play(judge=judge), no_verdict, "^rules " + KERNELS),
-    (lambda look: in_play(look=look), no_verdict, "^rules " + KERNELS),
     (lambda target: in_game(target=target), lambda n: "a", "^target of game 'wrong_.*' = 'a': expected a whole number"),
     (lambda target: in_game(target=target), lambda: 3, "^target of game 'wrong_.*' " + ARGUMENTS.format(1)),
     (lambda target: in_game(target=target), ending, "^target of game 'wrong_.*' " + ENDED),
@@ -350,7 +349,7 @@ WRONG: list[tuple[Any, Any, str]] = [
 
 WRONG += [
     constant("task", "n_object_balls", 3, "expected the type tuple[int, int | None], not int"),
-    constant("task", "n_object_balls", (-1, 2), "expected numbers from 0 to"),
+    constant("task", "n_object_balls", (-1, 2), "expected numbers >= 0"),
     constant("task", "n_object_balls", (3, 2), "expected the smallest number first"),
     constant("task", "n_targets", 1.5, "expected the type int | None, not float"),
     constant("task", "n_targets", -1, "expected a number >= 0"),
