@@ -332,16 +332,28 @@ WRONG: list[tuple[Any, Any, str]] = [
     (maker, lambda argument, where: None, "^player = 'wrong_.*': expected a function that returns a player"),
     (maker, lambda: None, "^make of player 'wrong_.*' " + ARGUMENTS.format(2)),
     (maker, ending, "^player 'wrong_.*' " + ENDED),
-    (in_player, None, "^stroke of <function .*> = None: " + TYPE.format("Stroke", "NoneType")),
-    (in_player, ending, "^stroke of <function .*> " + ENDED),
-    (in_player, Stroke(None), "^stroke.velocity = None: expected two numbers"),
-    (in_player, Stroke((1.0, 2.0, 3.0)), r"^stroke.velocity = \(1.0, 2.0, 3.0\): expected two numbers"),
-    (in_player, Stroke("ab"), "^stroke.velocity = 'ab': expected two numbers"),
-    (in_player, Stroke((1j, 0.0)), r"^stroke.velocity\[0\] = 1j: expected a number, not complex"),
-    (in_player, Stroke((NAN, 0.0)), r"^stroke.velocity\[0\] = nan: expected a number from"),
-    (in_player, Stroke((1.0, 0.0), spin=(NAN, 0.0, 0.0)), r"^stroke.spin\[0\] = nan: expected a number from"),
-    (in_player, Stroke((1.0, 0.0), place=(0.0,)), r"^stroke.place = \(0.0,\): expected two numbers"),  # pyright: ignore
-    (in_player, Stroke((1.0, 0.0), call="x"), "^stroke.call = 'x': " + TYPE.format("Call", "str")),  # pyright: ignore
+    (in_player, None, "^stroke of player 'wrong_.*' = None: " + TYPE.format("Stroke", "NoneType")),
+    (in_player, ending, "^stroke of player 'wrong_.*' " + ENDED),
+    (in_player, Stroke(None), "^stroke.velocity of player 'wrong_.*' = None: expected two numbers"),
+    (
+        in_player,
+        Stroke((1.0, 2.0, 3.0)),
+        r"^stroke.velocity of player 'wrong_.*' = \(1.0, 2.0, 3.0\): expected two numbers",
+    ),
+    (in_player, Stroke("ab"), "^stroke.velocity of player 'wrong_.*' = 'ab': expected two numbers"),
+    (in_player, Stroke((1j, 0.0)), r"^stroke.velocity\[0\] of player 'wrong_.*' = 1j: expected a number, not complex"),
+    (in_player, Stroke((NAN, 0.0)), r"^stroke.velocity\[0\] of player 'wrong_.*' = nan: expected a number from"),
+    (
+        in_player,
+        Stroke((1.0, 0.0), spin=(NAN, 0.0, 0.0)),
+        r"^stroke.spin\[0\] of player 'wrong_.*' = nan: expected a number from",
+    ),
+    (
+        in_player,
+        Stroke((1.0, 0.0), place=(0.0,)),
+        r"^stroke.place of player 'wrong_.*' = \(0.0,\): expected two numbers",
+    ),  # pyright: ignore
+    (in_player, Stroke((1.0, 0.0), call="x"), "^stroke.call of player 'wrong_.*' = 'x': " + TYPE.format("Call", "str")),  # pyright: ignore
     (functools.partial(in_player, game=True), None, "^stroke = None: " + TYPE.format("Stroke", "NoneType")),
     (functools.partial(in_player, game=True), Stroke(None), "^stroke.velocity = None: expected two numbers"),
 ]

@@ -482,9 +482,13 @@ def _without_shot(setup: Setup, game: GameState, call: Call) -> GameState:
     return GameState(positions, state)
 
 
-def check_stroke(scene: Scene, stroke: Stroke) -> None:
-    """Raises a TypeError or a ValueError unless a stroke has numbers within their ranges, see `checks.RANGES`."""
-    for name, value, kind in (("stroke", stroke, Stroke), ("stroke.call", getattr(stroke, "call", None), Call)):
+def check_stroke(scene: Scene, stroke: Stroke, of: str = "") -> None:
+    """Raises a TypeError or a ValueError unless a stroke has numbers within their ranges, see `checks.RANGES`.
+
+    `of` follows the names in the messages, such as " of player 'mine'".
+    """
+    call = getattr(stroke, "call", None)
+    for name, value, kind in ((f"stroke{of}", stroke, Stroke), (f"stroke.call{of}", call, Call)):
         if not isinstance(value, kind):
             raise TypeError(f"{name} = {short(value)}: expected the type {kind.__name__}, not {type(value).__name__}")
     axes = (2, 3) if scene.physics.flight else (2,)
@@ -493,9 +497,9 @@ def check_stroke(scene: Scene, stroke: Stroke) -> None:
         if name == "place" and values is None:
             continue
         right = isinstance(values, (list, tuple, np.ndarray)) and len(values) in counts
-        _expect(right, f"stroke.{name} = {short(values)}", f"{('two', 'three')[counts[0] - 2]} numbers")
+        _expect(right, f"stroke.{name}{of} = {short(values)}", f"{('two', 'three')[counts[0] - 2]} numbers")
         for i, value in enumerate(values):
-            real(f"stroke.{name}[{i}]", value, within)
+            real(f"stroke.{name}[{i}]{of}", value, within)
 
 
 def _check_rules(setup: Setup, state: Any, stroke: Stroke) -> None:
