@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 _ANGLES = {"heading": Range(-360.0, 360.0, "degrees"), "elevation": Range(0.0, 90.0, "degrees")}
 _SPEED = Range(0.0, MAX_SPEED, "m/s")
+_EPISODES = Range(1, 10_000_000)  # gigabytes of memory
 
 PLAY_PAGE = Path(__file__).with_name("play") / "play.html"
 """The page that `web` opens. `docs.web.build` writes it."""
@@ -281,7 +282,8 @@ def evaluate(args: argparse.Namespace) -> None:
     arguments = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
     if args.scene is not None and args.scene.endswith(".json"):
         arguments["scene"] = read_scene(args.scene)
-    episodes, seed = integer("--episodes", args.episodes, Range(1, None)), integer("--seed", args.seed, Range(0, None))
+    episodes, seed = integer("--episodes", args.episodes, _EPISODES), integer("--seed", args.seed, Range(0, None))
+    noise = real("--noise[0]", args.noise[0], "angle_std"), real("--noise[1]", args.noise[1], "speed_std")
     players = [*args.player, *(player for player in args.beside if player not in args.player)]
     env = gym.make("billiards_env:Billiards-v0", **arguments)
     for player in players:  # a wrong name is an error before the first player plays
@@ -297,7 +299,7 @@ def evaluate(args: argparse.Namespace) -> None:
                     print(f"{player}: {number:,} shots", end="\r", file=sys.stderr)
 
             with job(player):
-                show(player, measure(player, arguments, tuple(args.noise), episodes, seed, progress))
+                show(player, measure(player, arguments, noise, episodes, seed, progress))
 
 
 def bench(args: argparse.Namespace) -> None:

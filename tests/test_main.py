@@ -270,7 +270,9 @@ ERRORS = [
     ("bench nobody --tasks Pot1-v0", "player = 'nobody': expected one of"),
     ("evaluate nobody:nothing --beside", "player = 'nobody:nothing': "),
     ("evaluate random --task pott --beside", "task = 'pott': expected one of 'pot'"),
-    ("evaluate random --episodes 0 --beside", "--episodes = 0: expected a whole number >= 1"),
+    ("evaluate random --episodes 0 --beside", "--episodes = 0: expected a whole number from 1 to 10000000"),
+    ("evaluate random --noise 1 x --beside", "--noise[1] = 'x': expected a number, not str"),
+    ("evaluate random --noise nan 0 --beside", "--noise[0] = nan: expected a number from 0 to 360 degrees"),
 ]
 
 
@@ -298,6 +300,16 @@ def test_a_missing_extra_is_one_line(monkeypatch, tmp_path):
     with pytest.raises(SystemExit, match=r"error: matplotlib is not installed: expected the extra 'plot': pip install"):
         main([*SHOT, "--out", str(tmp_path / "shot.png")])
     assert not (tmp_path / "shot.png").exists()
+
+
+@pytest.mark.parametrize(
+    "command", ["simulate --balls", "evaluate random --seed", "play --width", "bench random --seed"]
+)
+def test_a_text_in_place_of_a_whole_number_is_refused(command, capsys):
+    with pytest.raises(SystemExit, match=r"^2$"):
+        main([*command.split(), "1.5"])
+    option = command.split()[-1]
+    assert capsys.readouterr().err.endswith(f"error: argument {option}: '1.5': expected a whole number\n")
 
 
 def test_unknown_options_are_refused(capsys):

@@ -191,7 +191,7 @@ def allowed(scene: Scene, starts: Floats, shot: PreparedTrack) -> tuple[Floats, 
         inwards = (scene.table.clearance(at + steps) - scene.table.clearance(at - steps)).T / 2e-7
         places[close] += inwards * (radius[ball] - scene.table.clearance(at) + 1e-9)[:, None]
     for pocket in scene.table.pockets:
-        invalid |= (pocket.contains(places) & shot.in_play).any(axis=1)
+        invalid |= ((pocket.distance(places) < 0.0) & shot.in_play).any(axis=1)
     return moved, ~invalid
 
 

@@ -49,6 +49,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.scene.outline import extents
 from billiards_env.scene.table import INCH, POOL_RADIUS, Table, six_pockets
 from billiards_env.support.checks import (
+    RANGES,
     Range,
     add_entry,
     check_fields,
@@ -753,7 +754,8 @@ SCENES = tuple(NAMED)
 
 def register_scene(name: str, scene: NamedScene) -> None:
     """Adds a scene of another package to those of `Scene.named`. The errors are those of `checks.add_entry`."""
-    add_entry("scene", name, scene, NAMED, NamedScene, build=1)
+    balls = Range(0, RANGES["balls"].most)
+    add_entry("scene", name, scene, NAMED, NamedScene, {"usual": balls, "most": balls}, build=1)
 
 
 def check_scene(scene: Scene) -> None:

@@ -16,7 +16,8 @@ import re
 import sys
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from numbers import Real
-from typing import Any, NamedTuple, TypeVar
+from types import MappingProxyType, UnionType
+from typing import Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -90,6 +91,8 @@ RANGES: dict[str, Range] = {
     "seed": Range(0, None, "", "the seeds of numpy.random.SeedSequence"),
 }
 """The range of each number and the reason for its bounds."""
+
+NO_RANGES: Mapping[str, Range] = MappingProxyType({})
 
 
 def short(value: Any) -> str:
@@ -261,7 +264,15 @@ def short_name(name: str) -> str:
     return name.rpartition(":")[2]
 
 
-def add_entry(what: str, name: str, entry: T, table: MutableMapping[str, T], kind: type, **takes: int) -> None:
+def add_entry(
+    what: str,
+    name: str,
+    entry: T,
+    table: MutableMapping[str, T],
+    kind: type,
+    ranges: Mapping[str, Range] = NO_RANGES,
+    **takes: int,
+) -> None:
     """Adds an entry of another package to a table, such as `TASKS`.
 
     The same entry may be added again, for example if its module is loaded again. Its functions are then other objects
@@ -272,12 +283,13 @@ def add_entry(what: str, name: str, entry: T, table: MutableMapping[str, T], kin
         name: The name of the entry, an identifier of ASCII letters, digits and underscores.
         entry: The entry.
         table: The entries by name.
-        kind: The type of the entries.
+        kind: The type of the entries. The attributes of the entry must have its annotated types.
+        ranges: The range of the numbers of an attribute. A smallest and a largest number are a tuple of two.
         **takes: The number of arguments of each function of the entry, by its attribute.
 
     Raises:
-        TypeError: If the entry has another type, or a function does not take its arguments.
-        ValueError: If the name is not an identifier, or another entry has it.
+        TypeError: If the entry or an attribute has another type, or a function does not take its arguments.
+        ValueError: If a number is outside its range, the name is not an identifier, or another entry has it.
     """
     if not (isinstance(name, str) and name.isascii() and name.isidentifier()):
         raise ValueError(f"name = {short(name)}: expected ASCII letters, digits and underscores, such as 'my_{what}'")
@@ -287,9 +299,33 @@ def add_entry(what: str, name: str, entry: T, table: MutableMapping[str, T], kin
         function = getattr(entry, attribute)
         if function is not kind._field_defaults.get(attribute, entry):  # pyright: ignore[reportAttributeAccessIssue]
             check_call(f"{attribute} of {what} {name!r} = {short(function)}", function, count)
+    for attribute, hint in get_type_hints(kind).items():
+        value, shown = getattr(entry, attribute), f"{attribute} of {what} {name!r}"
+        if not _has_type(value, hint):
+            wanted = str(hint) if get_args(hint) else hint.__name__
+            raise TypeError(f"{shown} = {short(value)}: expected the type {wanted}, not {type(value).__name__}")
+        found = [one for one in (value if isinstance(value, tuple) else (value,)) if one is not None]
+        if attribute in ranges and not all(fits(one, ranges[attribute]) for one in found):
+            expected = range_text("numbers" if isinstance(value, tuple) else "a number", ranges[attribute])
+            raise ValueError(f"{shown} = {short(value)}: expected {expected}")
+        if attribute in ranges and get_origin(hint) is tuple and len(found) == 2 and found[0] > found[1]:
+            raise ValueError(f"{shown} = {short(value)}: expected the smallest number first")
     if name in table and _definition(table[name]) != _definition(entry):
         raise ValueError(f"name = {name!r}: expected a name that no other {what} has")
     table[name] = entry
+
+
+def _has_type(value: Any, hint: Any) -> bool:
+    """Returns whether a value has an annotated type. An int is also a float, and a bool is no number."""
+    kind, kinds = get_origin(hint) or hint, get_args(hint)
+    if kind is tuple and isinstance(value, tuple):
+        each = kinds[:1] * len(value) if kinds[-1] is ... else kinds
+        return len(each) == len(value) and all(map(_has_type, value, each))
+    if kind in (Union, UnionType):
+        return any(_has_type(value, one) for one in kinds)
+    if kind in (int, float):
+        return isinstance(value, (int, kind)) and not isinstance(value, bool)
+    return isinstance(value, kind)
 
 
 def check_call(what: str, function: Any, count: int, expected: str = "") -> None:
@@ -333,6 +369,11 @@ def result_of(name: str, kind: Any, function: Callable[..., Any], *arguments: An
     if not isinstance(result, kind):
         raise TypeError(f"{name} = {short(result)}: expected the type {kind.__name__}, not {type(result).__name__}")
     return result
+
+
+def is_foreign(function: Any) -> bool:
+    """Returns whether another package defines a function or kernel, so that its results are checked."""
+    return str(getattr(function, "__module__", "")).partition(".")[0] != __name__.partition(".")[0]
 
 
 def _definition(entry: Any) -> Any:

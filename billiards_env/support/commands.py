@@ -23,11 +23,22 @@ ERRORS = (ImportError, OSError, RuntimeError, TypeError, ValueError)
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that reads -2e0 and -1/60 as numbers. Argparse takes them for options, at least up to Python 3.13."""
+    """A parser that reads -2e0 and -1/60 as numbers. Argparse takes them for options, at least up to Python 3.13.
+
+    The error of an argument of the type int says what is expected.
+    """
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
+        self.register("type", int, _whole)
         self._negative_number_matcher = re.compile(r"-\.?\d")
+
+
+def _whole(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number") from None
 
 
 @contextlib.contextmanager

@@ -179,7 +179,22 @@ LAYOUTS = [
 ]
 
 
-WRONG = [*NAMES, *DATA, *PARTS, *OUTLINES, *POSITIONS, *LAYOUTS]
+POCKET = named("pool").table.pockets[0]
+POINTS = [
+    (of(POCKET.contains, None), "points = None: expected finite numbers in an array"),
+    (of(POCKET.contains, "abc"), "points = 'abc': expected finite numbers in an array"),
+    (of(POCKET.contains, [1j, 0.0]), "points = [1j, 0.0]: expected finite numbers in an array"),
+    (of(POCKET.contains, [[0, 0], [1]]), "points = [[0, 0], [1]]: expected finite numbers in an array"),
+    (of(POCKET.contains, [NAN, 0.0]), "points = [nan, 0.0]: expected finite numbers"),
+    (of(POCKET.contains, [1, 2, 3]), "points has shape (3,): expected (..., 2)"),
+    (of(POCKET.contains, [0, 0], "a"), "by = 'a': expected a number, not str"),
+    (of(POCKET.distance, 0.0), "points has shape (): expected (..., 2)"),
+    (of(named("pool").table.clearance, ["a", "b"]), "points = ['a', 'b']: expected finite numbers in an array"),
+    (of(named("real_pool").table.clearance, [1, 2, 3]), "points has shape (3,): expected (..., 2)"),
+]
+
+
+WRONG = [*NAMES, *DATA, *PARTS, *OUTLINES, *POSITIONS, *LAYOUTS, *POINTS]
 
 
 @pytest.mark.parametrize(("call", "message"), WRONG, ids=[message for _, message in WRONG])
