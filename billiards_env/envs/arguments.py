@@ -73,6 +73,7 @@ class Model(NamedTuple):
         can_call: Whether the players call, see `BilliardsEnv`.
         can_place: Whether the players place a cue ball in hand.
         scatter: The standard deviations of the scatter of the cushions, see `physics.scatter`; None for none.
+        given: The arguments as given, before the check.
     """
 
     scene: Scene
@@ -93,6 +94,16 @@ class Model(NamedTuple):
     can_call: bool = False
     can_place: bool = False
     scatter: NDArray[np.float64] | None = None
+    given: Mapping[str, Any] = {}
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The arguments of `make_model` by name, with the values that the environment uses in place of None."""
+        of_game = ("target", "miss", "edition", "innings") if self.setup is not None else ()
+        used = {name: value for name, value in self._asdict().items() if name in self.given}
+        used |= dataclasses.asdict(self.engine) | {name: getattr(self.setup, name) for name in of_game}
+        used |= {"n_object_balls": self.scene.n_balls - 1, "n_players": self.n_players}
+        return {**self.given, **used, **{name: self.given[name] for name in ("noise", "scatter")}}
 
     @property
     def is_noisy(self) -> bool:
@@ -156,6 +167,7 @@ def make_model(
         ValueError: If an argument is invalid.
         TypeError: If an argument has the wrong type.
     """
+    given = dict(locals())
     players = integer("n_players", n_players, Range(1, MOST_PLAYERS))
     key = key_of("task", task, ChainMap(GAMES, TASKS))
     if players == 1 and key not in TASKS:
@@ -205,6 +217,7 @@ def make_model(
         can_call=can_call,
         can_place=flag("can_place", can_place) and setup is not None and setup.game_rules.pockets,
         scatter=check_scatter(scatter),
+        given=given,
     )
 
 
@@ -376,6 +389,39 @@ class _Fixed:
 def fixed() -> Any:
     """Returns the declaration of an attribute of a class that only the constructor sets."""
     return _Fixed()
+
+
+class OfArguments:
+    """The arguments of an environment as attributes, with the values that it uses. Only the constructor sets them."""
+
+    scene: Scene = fixed()
+    task: str = fixed()
+    n_object_balls: int = fixed()
+    mode: str = fixed()
+    dt: float | None = fixed()
+    fix: str | None = fixed()
+    action: str = fixed()
+    max_shots: int = fixed()
+    max_speed: float = fixed()
+    layout: str = fixed()
+    observe: Any = fixed()
+    goal_radius: float = fixed()
+    scratch_penalty: float = fixed()
+    randomize: dict[str, tuple[float, float]] = fixed()
+    noise: Mapping[str, float] | None = fixed()
+    noise_seed: int | None = fixed()
+    scatter: Mapping[str, float] | None = fixed()
+    n_players: int = fixed()
+    target: int | None = fixed()
+    can_call: bool = fixed()
+    can_place: bool = fixed()
+    miss: bool = fixed()
+    edition: str | None = fixed()
+    innings: int = fixed()
+
+    def _set_arguments(self, arguments: Mapping[str, Any]) -> None:
+        for name, value in arguments.items():
+            setattr(self, name, value)
 
 
 def plain(value: Any) -> Any:
