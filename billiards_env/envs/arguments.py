@@ -30,6 +30,7 @@ from billiards_env.support.checks import (
     flag,
     integer,
     key_of,
+    numbers,
     one_of,
     real,
     shaped,
@@ -491,12 +492,12 @@ def check_options(
     if model.setup is not None and ("positions" in options or "state" in options):
         positions, states = _custom_openings(model, options, mask)
     elif "positions" in options:
-        name, shape = "options['positions']", (*many, scene.n_balls, 2)
-        in_play = None if mask is None else np.broadcast_to(mask[:, None], shape[:2])
-        positions = check_positions(scene, shaped(name, options["positions"], shape), name, in_play)
-        positions = positions.reshape(-1, *shape[-2:])
+        name, shape = "options['positions']", (scene.n_balls, 2)
+        in_play = None if mask is None else np.broadcast_to(mask[:, None], (*many, scene.n_balls))
+        positions = check_positions(scene, _for_each(name, options["positions"], many, shape), name, in_play)
+        positions = positions.reshape(-1, *shape)
     if "goal" in options:
-        goals = shaped("options['goal']", options["goal"], (*many, 2)).reshape(*many, 1, 2)
+        goals = _for_each("options['goal']", options["goal"], many, (2,)).reshape(*many, 1, 2)
         in_play = None if mask is None else mask[:, None]
         goals = check_positions(cue_ball_alone(scene), goals, "options['goal'] as a position of the cue ball", in_play)
         goals = goals.reshape(-1, 1, 2)
@@ -513,6 +514,12 @@ def check_options(
     return ResetOptions(positions, goals, physics, seeds, states)
 
 
+def _for_each(name: str, value: Any, many: tuple[int, ...], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Returns a copy of an array (*many, *shape); one array of the shape `shape` is repeated for all environments."""
+    array = numbers(name, value)
+    return shaped(name, np.broadcast_to(array, (*many, *shape)) if array.shape == shape else array, (*many, *shape))
+
+
 def _custom_openings(
     model: Model, options: Mapping[str, Any], mask: NDArray[np.bool_] | None
 ) -> tuple[NDArray[np.float64], NDArray[Any]]:
@@ -523,8 +530,8 @@ def _custom_openings(
         raise ValueError("options['state'] without options['positions']: expected both")
     assert model.setup is not None
     m = 1 if mask is None else len(mask)
-    shape = (*(() if mask is None else mask.shape), model.scene.n_balls, 2)
-    positions = shaped("options['positions']", options["positions"], shape).reshape(m, *shape[-2:])
+    many, shape = () if mask is None else mask.shape, (model.scene.n_balls, 2)
+    positions = _for_each("options['positions']", options["positions"], many, shape).reshape(m, *shape)
     states = np.zeros(m, STATE)
     for k in range(m):
         if mask is None or mask[k]:
@@ -542,7 +549,7 @@ def _checked_physics(
     for key, values in numbers.items():
         one_of("key of options['physics']", key, tuple(ranges))
         name, (low, high) = f"options['physics'][{key!r}]", ranges[key]
-        array = shaped(name, values, () if mask is None else mask.shape)
+        array = _for_each(name, values, () if mask is None else mask.shape, ())
         checked[key] = np.atleast_1d(array)
         bad = array[(True if mask is None else mask) & ~((low <= array) & (array <= high))]
         if bad.size:

@@ -251,7 +251,7 @@ class AimPolicy(ActorCriticPolicy):
 
     def returns(self, outcomes: Outcomes) -> NDArray[np.float64]:
         """Computes the returns (m,) of tried shots: the rewards plus, in unfinished episodes, the values afterwards."""
-        returns, on = outcomes.rewards.copy(), np.flatnonzero(~outcomes.states["over"])
+        returns, on = outcomes.rewards.copy(), np.flatnonzero(~outcomes.terminated)
         if len(on):
             with torch.no_grad():
                 returns[on] += self.predict_values(torch.as_tensor(outcomes.observations[on])).numpy()[:, 0]

@@ -261,6 +261,27 @@ def test_each_argument_is_an_attribute_that_cannot_be_assigned(kwargs):
     single.np_random, single.render_mode, single.spec = np.random.default_rng(0), None, None
 
 
+@pytest.mark.parametrize(
+    ("kwargs", "options"),
+    [
+        (
+            {"task": "place", "randomize": {"mu_roll": [0.004, 0.02]}},
+            {"positions": [[-0.4, 0.1], [0.3, 0.2]], "goal": [0.1, 0.2], "physics": {"mu_roll": 0.01}},
+        ),
+        ({"task": "carom", "n_players": 2}, {"positions": [[-0.4, 0.1], [0.3, 0.2], [0.1, 0.3]], "state": {}}),
+    ],
+    ids=name_of,
+)
+def test_the_options_of_one_environment_apply_to_all(kwargs, options):
+    native, sync = pair(3, "SameStep", **kwargs)
+    same(native.reset(seed=0, options=options), sync.reset(seed=0, options=options))
+    assert (native.positions == options["positions"]).all()
+    native.reset(seed=1)
+    before = native.positions
+    native.reset(options={"positions": options["positions"], "reset_mask": np.array([False, True, False])})
+    assert (native.positions == np.stack((before[0], options["positions"], before[2]))).all()
+
+
 def test_seeds_may_be_numpy_integers():
     def first(**options):
         return gym.make_vec("Billiards-v0", num_envs=2, noise={}).reset(**options)[0].tobytes()
