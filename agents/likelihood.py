@@ -192,7 +192,7 @@ class LikelihoodTraining(Training):
 
     def _go_on(self, outcomes: Outcomes, scored: Bools) -> None:
         """Sets each environment to the state after one of its shots that score and do not end the episode."""
-        over = outcomes.states["over"].reshape(scored.shape)
+        over = outcomes.terminated.reshape(scored.shape)
         chances = self._rng.random(scored.shape) * (scored & ~over)
         chosen = np.arange(len(scored)) * scored.shape[1] + chances.argmax(1)
         self._over = chances.flatten()[chosen] == 0
