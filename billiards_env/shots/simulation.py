@@ -22,7 +22,7 @@ from billiards_env.engine.compile import (
     with_scatter,
 )
 from billiards_env.engine.frozen_strike import strike_frozen
-from billiards_env.engine.log import NO_LOG, ShotLog, empty_log, joined
+from billiards_env.engine.log import N_EVENTS_LOGGED, NO_LOG, ShotLog, empty_log, joined, with_room
 from billiards_env.engine.shot_input import ShotInput, check_shot, check_varied
 from billiards_env.engine.shots import STATUS, Shots, empty_shots, start_fields
 from billiards_env.engine.strikes import Strike
@@ -162,7 +162,7 @@ def run_shot(
     room = 256 if record else 0
     while True:
         flight = scene.physics.flight
-        log, shots = empty_log(room, 4 * room, flight=flight), empty_shots(1, n, flight)
+        log, shots = empty_log(room, 4 * room, 1, flight), empty_shots(1, n, flight)
         for out, start in zip(start_fields(shots), start_fields(shot), strict=True):
             if out is not None:
                 out[0] = start
@@ -402,24 +402,24 @@ def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -
     (m, n), flight = shots.in_play.shape, shots.heights is not None
     fields = [array for array in start_fields(shots) if array is not None]
     start = [array.copy() for array in fields]
-    logs = {-1: ShotLog(*empty_log(flight=flight)[:2], np.zeros((1, 2), np.int64))}  # by their first shots
+    logs: dict[int, ShotLog] = {}  # by their first shots
     events_of_shot = 0.0  # a mean
 
     def work(begin: int, end: int) -> None:
         nonlocal events_of_shot
-        while begin < end:
-            until = end if events_of_shot else min(end, begin + _FIRST_SHOTS)
-            room = 64 + 32 * n + int(1.5 * events_of_shot * (until - begin))
-            log = empty_log(room, 2 * room + n * (until - begin), until - begin, flight)
-            run(begin, until, tuple(log))
-            events_of_shot = max(events_of_shot, float(log.used[0]) / (until - begin), 1.0)
-            recorded = ShotLog.of(log)
-            fits = (recorded.bounds[1:] <= (len(log.events), len(log.segments))).all(axis=1)
+        log, done = empty_log(n_shots=end - begin, flight=flight), begin
+        while done < end:
+            until = end if events_of_shot else min(end, done + _FIRST_SHOTS)
+            room = 64 + 32 * n + int(1.5 * events_of_shot * (until - done))
+            log = with_room(log, room, 2 * room + n * (until - done))
+            run(done, until, tuple(log))
+            events_of_shot = max(events_of_shot, float(log.used[N_EVENTS_LOGGED]) / (until - begin), 1.0)
+            fits = (ShotLog.of(log).bounds[1:] <= (len(log.events), len(log.segments))).all(axis=1)
             done = begin + int(fits.sum())
-            logs[begin] = recorded.shots(0, done - begin)
+            log.used[:] = *ShotLog.of(log).bounds[done - begin], done - begin  # forgets those that do not fit
             for array, initial in zip(fields, start, strict=True):
                 array[done:until] = initial[done:until]
-            begin = done
+        logs[begin] = ShotLog.of(log)
 
     parallel_for(work, m, threads)
     return joined([logs[begin] for begin in sorted(logs)])
