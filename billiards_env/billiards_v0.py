@@ -44,9 +44,9 @@ class GameEnv(pettingzoo.AECEnv[str, Any, NDArray[np.float32]]):
     """A game of `Billiards-v0` with several players in the interface of PettingZoo.
 
     `BilliardsEnv` documents the arguments, the actions, the observations, the rewards and the info, which is the same
-    for all players. The agents are `"player_0"`, `"player_1"` and so on; `player_0` opens. A
-    player whose turn continues is selected again. All players terminate when the game is over. After `max_shots` shots
-    they are truncated, and the game is a draw.
+    for all players. The agents are `"player_0"`, `"player_1"` and so on; `player_0` opens. A player whose turn
+    continues is selected again. All players terminate when the game is over. After `max_shots` shots they are
+    truncated, and the game is a draw.
 
     Args:
         model: The arguments, see `make_model`.

@@ -22,7 +22,7 @@ from billiards_env.games.game_state import MOST_PLAYERS, STATE
 from billiards_env.games.referee import GAMES
 from billiards_env.jit import streams
 from billiards_env.scene import Balls, Scene, check_ends_on_cloth, check_positions, check_ranges, layouts
-from billiards_env.shots.noise import EXECUTION_NOISE, check_scatter
+from billiards_env.shots.noise import EXECUTION_NOISE, SCATTER, check_scatter
 from billiards_env.support.checks import (
     Range,
     array_of,
@@ -74,7 +74,7 @@ class Model(NamedTuple):
         can_call: Whether the players call, see `BilliardsEnv`.
         can_place: Whether the players place a cue ball in hand.
         scatter: The standard deviations of the scatter of the cushions, see `physics.scatter`; None for none.
-        given: The arguments as given, before the check.
+        arguments: The arguments by name, with the values that the environment uses in place of None.
     """
 
     scene: Scene
@@ -95,16 +95,7 @@ class Model(NamedTuple):
     can_call: bool = False
     can_place: bool = False
     scatter: NDArray[np.float64] | None = None
-    given: Mapping[str, Any] = {}
-
-    @property
-    def arguments(self) -> dict[str, Any]:
-        """The arguments of `make_model` by name, with the values that the environment uses in place of None."""
-        of_game = ("target", "miss", "edition", "innings") if self.setup is not None else ()
-        used = {name: value for name, value in self._asdict().items() if name in self.given}
-        used |= dataclasses.asdict(self.engine) | {name: getattr(self.setup, name) for name in of_game}
-        used |= {"n_object_balls": self.scene.n_balls - 1, "n_players": self.n_players}
-        return {**self.given, **used, **{name: self.given[name] for name in ("noise", "scatter")}}
+    arguments: Mapping[str, Any] = {}
 
     @property
     def is_noisy(self) -> bool:
@@ -168,7 +159,7 @@ def make_model(
         ValueError: If an argument is invalid.
         TypeError: If an argument has the wrong type.
     """
-    given = dict(locals())
+    given = dict(locals())  # at the start: the arguments alone
     players = integer("n_players", n_players, Range(1, MOST_PLAYERS))
     key = key_of("task", task, ChainMap(GAMES, TASKS))
     if players == 1 and key not in TASKS:
@@ -199,7 +190,7 @@ def make_model(
     if setup is not None and short_name(layout) not in (names := setup.game_rules.layouts):
         expected = ", ".join(map(repr, names))
         raise ValueError(f"layout = {layout!r} with n_players = {players}: expected one of {expected}")
-    return Model(
+    model = Model(
         scene=board,
         task=task,
         targets=targets,
@@ -218,8 +209,19 @@ def make_model(
         can_call=can_call,
         can_place=flag("can_place", can_place) and setup is not None and setup.game_rules.pockets,
         scatter=check_scatter(scatter),
-        given=given,
     )
+    return model._replace(arguments=_used(given, model))
+
+
+def _used(given: Mapping[str, Any], model: Model) -> dict[str, Any]:
+    """Returns the arguments of `make_model` by name, with the values of its model."""
+    used = {name: getattr(model, name) for name in given.keys() & set(Model._fields)}
+    used |= dataclasses.asdict(model.engine) | {"n_object_balls": model.scene.n_balls - 1, "n_players": model.n_players}
+    if model.setup is not None:
+        used |= {name: getattr(model.setup, name) for name in ("target", "miss", "edition", "innings")}
+    for name, usual in ("noise", EXECUTION_NOISE), ("scatter", SCATTER):
+        used[name] = None if given[name] is None else {**usual, **given[name]}
+    return {**given, **used}
 
 
 def model_of(maker: Callable[..., Any], arguments: Mapping[str, Any]) -> Model:

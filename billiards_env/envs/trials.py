@@ -90,7 +90,7 @@ class Trials:
             ended = np.flatnonzero(own["over"] | ~own["begun"])
             if len(ended):
                 row = f"environment {ended[0]}" if states is None else f"states[{ended[0]}]"
-                raise ResetNeeded(f"{row} has not begun or is over: call reset(), or leave out `Outcomes.terminated`")
+                raise ResetNeeded(f"{row} has not begun or is over: call reset(), or leave out the `terminated` rows")
             episodes.put(rows, own)
             episodes.model = self._without_noise
             if noise is not None and self._model.is_noisy:

@@ -305,8 +305,8 @@ class BilliardsVectorEnv(OfEpisodes, OfArguments, VectorEnv[Any, Any, NDArray[An
         declared = getattr(BilliardsEnv, name, None)
         if name in _OF_EACH or (isinstance(declared, property) and declared.fset is None):
             raise AttributeError(f"{what} no change; use the seed or the options of reset, or set_state")
-        if declared is None and not hasattr(self.single_env, name):
-            raise AttributeError(f"{what} an attribute of BilliardsEnv{suggestion(name, dir(self.single_env))}")
+        if not hasattr(self.single_env, name):
+            raise AttributeError(f"{what} an attribute of BilliardsEnv{suggestion(name, [*vars(OfArguments)])}")
         setattr(self.single_env, name, values[0])
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:

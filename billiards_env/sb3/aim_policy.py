@@ -65,9 +65,8 @@ def _find_game(env: str) -> BilliardsEnv:
 
 def arguments_of(env: BilliardsEnv) -> dict[str, Any]:
     """Returns arguments of `gym.make("Billiards-v0", ...)` that make an environment like `env`, without its noise."""
-    scene = {"scene": env.scene.to_dict(), "n_object_balls": None}
-    others = {"observe": env.observe, "goal_radius": env.goal_radius or None}
-    return env.model.arguments | scene | others | dict.fromkeys(("noise", "noise_seed", "scatter"))
+    used = {"scene": env.scene.to_dict(), "observe": env.observe, "goal_radius": env.goal_radius or None}
+    return {**env.model.arguments, **used, **dict.fromkeys(("n_object_balls", "noise", "noise_seed", "scatter"))}
 
 
 def by_value(log_prob: Tensor, values: Tensor) -> Tensor:

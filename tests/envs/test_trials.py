@@ -47,7 +47,7 @@ def test_episodes_continue_from_outcomes():
     left = ~first.terminated
     assert 0 < left.sum() < 20
     k = np.argmin(left)
-    with pytest.raises(ResetNeeded, match=rf"^states\[{k}\] has not begun or is over.*leave out `Outcomes.terminated`"):
+    with pytest.raises(ResetNeeded, match=rf"^states\[{k}\] has not begun or is over.*leave out the `terminated` rows"):
         env.try_actions(actions, first.states)
     second = env.try_actions(actions[left], first.states[left])
     env.step(actions[left][0])

@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from billiards_env.envs import BilliardsVectorEnv, make_env, make_vector_env
 from billiards_env.envs.arguments import make_model
 from billiards_env.scene import layouts
+from billiards_env.shots.noise import EXECUTION_NOISE
 from tests.helpers.environments import GAME_VARIANTS, SOFT, VARIANTS, VARIED, name_of, same
 
 MODES = tuple(AutoresetMode)
@@ -244,7 +245,9 @@ def test_ten_million_steps_need_no_more_memory_than_a_million():
 ARGUMENTS = inspect.signature(make_model).parameters
 
 
-@pytest.mark.parametrize("kwargs", [VARIED, {"task": "snooker", "n_players": 2, "miss": True, "can_call": True}])
+@pytest.mark.parametrize(
+    "kwargs", [NOISY, {"task": "snooker", "n_players": 2, "miss": True, "can_call": True}], ids=name_of
+)
 def test_each_argument_is_an_attribute_that_cannot_be_assigned(kwargs):
     native, sync = pair(2, "SameStep", **kwargs)
     single = native.single_env
@@ -253,6 +256,7 @@ def test_each_argument_is_an_attribute_that_cannot_be_assigned(kwargs):
     assert (native.miss, native.can_call, native.n_players) == (
         (True, True, 2) if "miss" in kwargs else (False, False, 1)
     )
+    assert native.noise == (None if native.miss else {**EXECUTION_NOISE, "angle_std": 5.0, "speed_std": 0.5})
     for name in ARGUMENTS:
         same(native.get_attr(name), sync.get_attr(name))
         for assign in (native.set_attr, sync.set_attr, partial(setattr, single), partial(setattr, native)):
