@@ -199,7 +199,7 @@ class Table:
         most = min(half + self.head_x, self.width / 2)
         if not 0.0 <= self.d_radius < most:
             raise ValueError(
-                f"table.d_radius = {self.d_radius}: expected 0 or a number below {most}, inside the cushions"
+                f"table.d_radius = {self.d_radius}: expected 0 or a number below {short(most)}, inside the cushions"
             )
 
     def clearance(self, points: ArrayLike) -> NDArray[np.float64]:

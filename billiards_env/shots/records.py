@@ -277,7 +277,7 @@ def check_equal(recorded: Any, now: Any) -> None:
         old, new = getattr(recorded, field.name), getattr(now, field.name)
         if repr(old) != repr(new):
             raise ValueError(
-                f"the replay differs from the record: {field.name} = {short(new)}, expected {short(old)}; "
+                f"the replay differs from the record: {field.name} = {short(new, 17)}, expected {short(old, 17)}; "
                 "this can happen if another version of the engine wrote the record"
             )
 

@@ -284,12 +284,15 @@ class BatchResult:
         lines = [f"BatchResult: {m} shots of {n} balls"]
         if m > 0:
             counts = [np.count_nonzero(self.status == name) for name in STATUS]
-            cue_ball, object_balls = self.potted[:, 0].sum(), self.potted[:, 1:].any(axis=1).sum()
+            potted = self.pockets >= 0
+            cue_ball, object_balls = potted[:, 0].sum(), potted[:, 1:].any(axis=1).sum()
+            driven_off = (~potted & (self.pot_order >= 0)).any(axis=1).sum()
             lines += [
                 f"status: {', '.join(f'{name} {k}' for name, k in zip(STATUS, counts, strict=True) if k)}",
                 f"time: {_spread_of(self.time)} s",
                 f"events: {_spread_of(self.n_events)}",
                 f"shots with a potted ball: cue ball {cue_ball}, object balls {object_balls}",
+                *[f"shots with a ball driven off the table: {driven_off}"] * bool(driven_off),
             ]
         return "\n  ".join(lines)
 

@@ -95,13 +95,22 @@ RANGES: dict[str, Range] = {
 NO_RANGES: Mapping[str, Range] = MappingProxyType({})
 
 
-def short(value: Any) -> str:
-    """Returns `repr(value)` in one line, cut to 200 characters. NumPy scalars look like numbers of Python."""
+def short(value: Any, digits: int = 12) -> str:
+    """Returns `repr(value)` in one line, cut to 200 characters. NumPy scalars look like numbers of Python.
+
+    Numbers have at most `digits` digits; 17 for all.
+
+    Example:
+        >>> short([0.1 + 0.7, 1e-5, 10]), short(0.1 + 0.7, 17)
+        ('[0.8, 1e-05, 10]', '0.7999999999999999')
+    """
     try:
         with np.printoptions(**_PLAIN_SCALARS):
             text = " ".join(repr(value).split("\n"))
     except (ValueError, RecursionError):  # a number of thousands of digits, deeply nested lists
         text = f"a {type(value).__name__}"
+    if not isinstance(value, str):
+        text = _LONG.sub(lambda match: repr(float(f"{float(match[0]):.{digits}g}")), text)
     return text if len(text) <= 200 else text[:200] + "..."
 
 
@@ -148,7 +157,8 @@ def real(name: str, value: Any, within: str | Range | None = None) -> float:
         raise TypeError(f"{name} = {short(value)}: expected a number, not {type(value).__name__}")
     if not fits(value, _FINITE if within is None else within):
         expected = "a finite number" if within is None else range_text("a number", within)
-        raise ValueError(f"{name} = {short(value)}: expected {expected}")
+        digits = 17 if fits(number(short(value)), within or _FINITE) else 12  # all digits of 1.0000000000000002
+        raise ValueError(f"{name} = {short(value, digits)}: expected {expected}")
     return float(value)
 
 
@@ -530,6 +540,7 @@ def missing(module: str, extra: str) -> ModuleNotFoundError:
 # From NumPy 2 on, repr(np.float64(1.0)) is "np.float64(1.0)" by default.
 _PLAIN_SCALARS: dict[str, Any] = {"legacy": "1.25"} if np.lib.NumpyVersion(np.__version__) >= "2.0.0" else {}
 _NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|inf|nan)"
+_LONG = re.compile(r"-?\b\d+\.\d{9,}(?:e[-+]\d+)?\b")
 _FINITE = Range(-sys.float_info.max, sys.float_info.max)
 
 

@@ -85,7 +85,10 @@ PARTS = [
     (of(Table, pockets=(Pocket(1.27, 0.0, 0.1), Pocket(1.4, 0.0, 0.1))), "table.pockets[1] = Pocket(x=1.4"),
     (of(Table, pockets=(Pocket(0, -0.75, 0.1),)), "... expected a circle that reaches the table (2.54 x 1.27 m"),
     (of(Table, 2.0, 1.0, head_string=-1.0), "table.head_string = -1.0: expected a number between -1.0 and 1.0"),
-    (of(Table, 2.0, 1.0, head_string=-0.8, d_radius=0.25), "table.d_radius = 0.25: expected 0 or a number below 0.1"),
+    (
+        of(Table, 2.0, 1.0, head_string=-0.8, d_radius=0.25),
+        "table.d_radius = 0.25: expected 0 or a number below 0.2, inside",
+    ),
     (of(Balls, (), ()), "balls.radius = (): expected at least one ball, the cue ball"),
     (of(Balls, (R, R), (1.0,)), "balls.mass has 1 values and balls.radius has 2: expected one value per ball"),
     (of(Balls, (R, R), (INF, 1.0)), "balls.mass[0] = inf: expected a finite mass, the cue ball must be able to move"),
