@@ -178,8 +178,8 @@ def run_command(
 ) -> Any:
     """Runs a command that measures: it writes a JSON file, prints blocks, draws pictures, and returns the results.
 
-    If jobs fail, it writes and prints the results of the others, and then ends with the errors. If all fail, it writes
-    nothing.
+    If jobs fail, it writes and prints the results of the others, and then ends with the errors. If all fail, or the
+    results are {}, it writes nothing.
 
     Args:
         command: The module of the command, such as "benchmarks.speed".
@@ -202,7 +202,7 @@ def run_command(
         with all_jobs() as job:
             values = {option: getattr(args, option) for option in options}
             result = measure(**values, **({"job": job} if jobs else {}))
-            if not job.have_all_failed:
+            if result != {} and not job.have_all_failed:
                 report(result, blocks, args.output)
         if draw is not None:
             draw(result, args.images)

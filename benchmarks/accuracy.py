@@ -227,7 +227,7 @@ def measure(shots: int, outcomes: int, passes: int, workers: int, job: Job) -> d
                 "pic_outcome_as_oracle": sum(ends),
                 "methods": rows_per_engine(errors, seconds[name], wrong),
             }
-    return {"machine": on, "shots": shots, "passes": passes, "scenes": scenes}
+    return {"machine": on, "shots": shots, "passes": passes, "scenes": scenes} if scenes else {}
 
 
 def main(arguments: list[str] | None = None) -> None:

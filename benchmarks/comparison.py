@@ -136,7 +136,7 @@ def measure(shots: int, passes: int, job: Job) -> dict[str, Any]:
                 for k, (name, method, _) in enumerate(group):
                     row = {"laws": laws, "simulator": name, "method": method}
                     result["rows"].append({**row, **{kind: column[k] for kind, column in columns.items()}})
-    return result
+    return result if result["rows"] else {}
 
 
 def compare(laws: str, kind: str, runners: Sequence[Runner], count: int, passes: int) -> list[dict[str, Any]]:

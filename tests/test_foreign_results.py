@@ -36,6 +36,7 @@ from billiards_env.scene.layouts import make_plan
 
 TABLES: list[Any] = [TASKS, FEATURES, ACTIONS, layouts.LAYOUTS, scene.NAMED, GAMES, PLAYERS]
 NAMES = (f"wrong_{k}" for k in itertools.count())
+HALF: Any = 0.5
 SPOTS, NAN, RNG = np.array([[0.1, 0.1], [0.5, 0.2]]), float("nan"), np.random.default_rng
 
 
@@ -163,7 +164,7 @@ def no_verdict(state, facts, call):
 
 @inlined
 def half_a_point(state, facts, call):
-    return verdict(0, 0.5, 0, False, 0, 0)
+    return verdict(0, HALF, 0, False, 0, 0)
 
 
 @inlined
@@ -195,7 +196,7 @@ CONSTANTS: dict[str, Any] = {
     ),
     "game": new_game,
     "action": lambda **fields: register_action(next(NAMES), Action("", 2, **fields)),
-    "player": lambda **fields: register_player(next(NAMES), PlayerEntry(lambda argument, where: None, **fields)),
+    "player": lambda **fields: register_player(next(NAMES), PlayerEntry(failing, **fields)),
     "scene": lambda **fields: register_scene(
         next(NAMES), NamedScene(**{"build": lambda n: None, "usual": 1, "most": 2, **fields})
     ),
@@ -350,9 +351,9 @@ WRONG: list[tuple[Any, Any, str]] = [
     ),
     (
         in_player,
-        Stroke((1.0, 0.0), place=(0.0,)),
+        Stroke((1.0, 0.0), place=(0.0,)),  # pyright: ignore
         r"^stroke.place of player 'wrong_.*' = \(0.0,\): expected two numbers",
-    ),  # pyright: ignore
+    ),
     (in_player, Stroke((1.0, 0.0), call="x"), "^stroke.call of player 'wrong_.*' = 'x': " + TYPE.format("Call", "str")),  # pyright: ignore
     (functools.partial(in_player, game=True), None, "^stroke = None: " + TYPE.format("Stroke", "NoneType")),
     (functools.partial(in_player, game=True), Stroke(None), "^stroke.velocity = None: expected two numbers"),

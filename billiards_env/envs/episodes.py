@@ -102,7 +102,7 @@ class Episodes:
         self._numbers = kept(tuple(numbers))
         self._run_shots = Typed(run_shots_of(model.engine, scene.n_balls))
         self._start, self._begin, self._keep_seeds = Typed(start_shots), Typed(begin_episodes), Typed(keep_seeds)
-        self._has_foreign_judge = is_foreign(entry.judge if setup is None else setup.game_rules.judge)
+        self._has_foreign_judge = setup is None and is_foreign(entry.judge)
         self._score: Any = Typed(scoring(entry.judge)) if setup is None else None
         self._game: Any = None
         if setup is not None:

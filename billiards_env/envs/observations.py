@@ -594,7 +594,7 @@ def _lows(name: str, shape: tuple[int, ...]) -> NDArray[Any]:
     if np.shape(low) not in ((), shape[-1:]):
         expected = f"one number, or one for each number of the last axis of {shape}"
         raise ValueError(f"low of feature {name!r} = {short(low)}: expected {expected}")
-    return np.broadcast_to(np.float32(low), shape)
+    return np.broadcast_to(np.asarray(low, np.float32), shape)
 
 
 def row_of(features: Mapping[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]]:
@@ -602,8 +602,8 @@ def row_of(features: Mapping[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]
     return {name: shape for name, shape in features.items() if not FEATURES[name].is_image}
 
 
-def nth(observations: Any, k: int) -> Any:
-    """Returns observation k of an array or of a dict of arrays."""
+def nth(observations: Any, k: int | slice) -> Any:
+    """Returns observation k, or some observations, of an array or of a dict of arrays."""
     return {key: array[k] for key, array in observations.items()} if isinstance(observations, dict) else observations[k]
 
 

@@ -284,7 +284,6 @@ TASKS = {
     ),
 }
 
-
 _RANGES = {
     "n_object_balls": Range(0, None),
     "n_targets": Range(0, None),
@@ -292,6 +291,8 @@ _RANGES = {
     "goal_radius": Range(0.0, RANGES["length"].most, "m"),
     "cushions": Range(0, None),
 }
+"""The ranges of the numbers of a `Task`."""
+
 GAME_SHOTS = 200
 """The default of `max_shots` of a game of several players."""
 

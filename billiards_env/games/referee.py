@@ -57,6 +57,7 @@ _RANGES = {
     "cushions": Range(0, None),
     "sure_pot": Range(0, None),
 }
+"""The ranges of the numbers of a `Game`."""
 
 GAMES: dict[str, Game] = {name: game for family in FAMILIES for name, game in family.GAMES.items()}
 """The games by name."""

@@ -93,6 +93,7 @@ RANGES: dict[str, Range] = {
 """The range of each number and the reason for its bounds."""
 
 NO_RANGES: Mapping[str, Range] = MappingProxyType({})
+"""The ranges of entries without numbers."""
 
 
 def short(value: Any, digits: int = 12) -> str:

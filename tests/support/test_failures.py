@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 import benchmarks
-from benchmarks import gradients, run_command, simulators, speed, stress, validation, vector
+from benchmarks import accuracy, gradients, run_command, simulators, speed, stress, validation, vector
 from benchmarks.validation import motion
 from billiards_env import __main__ as command
 from billiards_env.bench import benchmark
@@ -239,6 +239,13 @@ def test_a_measurement_keeps_the_rows_that_are_finished(command, tmp_path, monke
         monkeypatch.setattr(owner, "processes", ThreadPoolExecutor)
     monkeypatch.setattr(benchmarks, "workers", lambda: (1, ""))
     monkeypatch.setattr(simulators, "PYTHON", tmp_path / "python")
+    if command == "accuracy":  # the times of the shots are finished, but no row
+        (tmp_path / "results.json").write_text("earlier")
+        with monkeypatch.context() as patch:
+            patch.setattr(accuracy, "follow_shot", fail)
+            with pytest.raises(SystemExit, match=r"^error: 2 elastic disks, .*: the disk is full$"):
+                main([*arguments, "--output", str(tmp_path / "results.json")])
+        assert (tmp_path / "results.json").read_text() == "earlier"
     with pytest.raises(SystemExit, match=rf"^error: {names}: the disk is full$"):
         main([*arguments, "--output", str(tmp_path / "results.json")])
     result = json.loads((tmp_path / "results.json").read_text())
