@@ -19,13 +19,13 @@ from agents.config import Config, load
 from agents.ppo import deterministic, make_env, make_vector
 from agents.train import learning_curve
 from billiards_env.bench.evaluation import evaluation_seeds, measure, play_together, row_printer
+from billiards_env.commands import Parser, all_jobs, ending
 from billiards_env.games import GAMES
 from billiards_env.players.named import find_player
 from billiards_env.sb3 import load_policy
 from billiards_env.sb3.policy_player import playable
 from billiards_env.sb3.weights import check_finished
 from billiards_env.support.checks import Range, integer
-from billiards_env.support.commands import Parser, all_jobs, ending
 from billiards_env.support.files import check_path, replacing, write_json
 
 LAYOUTS = 1000

@@ -35,9 +35,9 @@ from agents.learner import Training
 from agents.learners import LEARNERS
 from agents.ppo import deterministic, make_policy, make_vector
 from billiards_env.bench.evaluation import evaluation_seeds, play_together
+from billiards_env.commands import Parser, ending
 from billiards_env.sb3.weights import load_weights
 from billiards_env.support.checks import Range, entry_of, integer, number, real, result_of
-from billiards_env.support.commands import Parser, ending
 from billiards_env.support.files import read_text, refusing, write_atomically, write_json
 
 # The files and folders of a run, without config.yaml. A folder with a config.yaml is the folder of a run.

@@ -26,9 +26,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from tqdm import tqdm
 
 from benchmarks.scenes import SCENES
+from billiards_env.commands import Job, Parser, all_jobs, ending
 from billiards_env.scene import register_scene
 from billiards_env.support.checks import Range, integer
-from billiards_env.support.commands import Job, Parser, all_jobs, ending
 from billiards_env.support.files import check_path, write_atomically, write_json
 
 if TYPE_CHECKING:

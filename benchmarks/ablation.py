@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks import ROOT, in_turns, machine, ratio, run_command, table, worker
-from billiards_env.support.commands import Job
+from billiards_env.commands import Job
 
 SHOTS = 1000  # in a pass
 
@@ -58,7 +58,7 @@ def _steps(name: str, without: str, **arguments: Any) -> Row:
     """Returns the row of a step of the vector environment."""
     code = f"""
 import numpy as np
-from billiards_env.support.commands import ending
+from billiards_env.commands import ending
 import billiards_env
 envs = gymnasium.make_vec("Billiards-v0", num_envs={SHOTS}, threads=1, **{arguments!r})
 envs.reset(seed=0)

@@ -22,11 +22,11 @@ from tqdm import tqdm
 from benchmarks import accuracy_report, error_limit, machine, run_command, run_kinds, workers
 from benchmarks.accuracy_report import blocks, draw
 from benchmarks.reference.oracle import OracleError, reference_shot
+from billiards_env.commands import Job
 from billiards_env.engine import PIC, Engine
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate, simulate_batch
 from billiards_env.support.checks import Range, integer
-from billiards_env.support.commands import Job
 
 Floats = NDArray[np.float64]
 

@@ -30,9 +30,9 @@ from benchmarks import error_limit, machine, machine_line, metres, ratio, result
 from benchmarks.reference.oracle import OracleError, reference_shot
 from benchmarks.simulators import Floats, Outcome, Runner
 from benchmarks.speed import rounded
+from billiards_env.commands import Job
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
-from billiards_env.support.commands import Job
 
 LAWS = {"friction and spin": "pooltool_carom", "throw and jaws": "pooltool_pool", "elastic disks": "ideal"}
 """The scene of each comparison."""

@@ -21,12 +21,12 @@ from benchmarks import in_turns, machine, new_figure, run_command, save, table
 from benchmarks.accuracy_report import PIT_STYLES
 from benchmarks.speed import Case, breaks, quartiles, random_shots, seconds
 from billiards_env import derivatives
+from billiards_env.commands import Job
 from billiards_env.engine import PIC, Engine
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Balls, Physics, Scene, layouts
 from billiards_env.scene.table import Table
 from billiards_env.shots.simulation import BatchResult, simulate_batch
-from billiards_env.support.commands import Job
 
 Floats = NDArray[np.float64]
 

@@ -25,11 +25,11 @@ from billiards_env.calibration.judge import CONTACTS, Judged, judge, together
 from billiards_env.calibration.preparation import INSTANT, prepare
 from billiards_env.calibration.report import drawn
 from billiards_env.calibration.starts import search
+from billiards_env.commands import Job, all_jobs, ending
 from billiards_env.drawing.tracks import draw_fit
 from billiards_env.scene import Scene
 from billiards_env.shots.noise import SCATTER
 from billiards_env.shots.simulation import simulate
-from billiards_env.support.commands import Job, all_jobs, ending
 
 PARTS = 5
 

@@ -20,12 +20,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks import in_turns, machine, rows_table, run_command, table
+from billiards_env.commands import Job
 from billiards_env.engine.compile import MANY_BALLS
 from billiards_env.envs.actions import cue_strike
 from billiards_env.scene import Balls, Physics, Scene, layouts
 from billiards_env.scene.table import POOL_RADIUS, Table
 from billiards_env.shots.simulation import BatchResult, simulate, simulate_batch
-from billiards_env.support.commands import Job
 
 MAX_SPEED = 4.0  # m/s, largest speed of a random shot: the environment's default
 BREAK_SPEED = 8.0  # m/s, speed of the cue ball in a break

@@ -18,10 +18,10 @@ import numpy as np
 
 from benchmarks import in_turns, machine, run_command, table
 from benchmarks.speed import quartiles, seconds
+from billiards_env.commands import Job
 from billiards_env.engine import run_shots_of
 from billiards_env.envs import episodes
 from billiards_env.jit import Typed
-from billiards_env.support.commands import Job
 
 ENV_COUNTS = (1, 16, 256, 1024, 16_384)
 DOORS: dict[str, dict[str, Any]] = {

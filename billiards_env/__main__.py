@@ -19,10 +19,10 @@ import numpy as np
 
 from billiards_env import Scene, __version__
 from billiards_env.bench.frozen import BENCH_TASKS, FROZEN
+from billiards_env.commands import Parser, all_jobs, ending
 from billiards_env.export import WRITERS, shot_text
 from billiards_env.scene import SCENES
 from billiards_env.support.checks import MAX_SPEED, Range, finite, integer, number, numbers, one_of, real
-from billiards_env.support.commands import Parser, all_jobs, ending
 from billiards_env.support.files import check_path, write_atomically
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from agents.ppo import make_policy
 from agents.rllib.rollouts import as_tensors
 from agents.train import open_run, train_command
 from agents.train import train as run
-from billiards_env.support.commands import Parser
+from billiards_env.commands import Parser
 
 
 class RLlibTraining(Training):

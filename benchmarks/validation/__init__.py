@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from benchmarks.validation import collisions, cushions, motion, pockets, pooltool
-from billiards_env.support.commands import Job
+from billiards_env.commands import Job
 
 PARTS = {"motion": motion, "collisions": collisions, "cushions": cushions, "pockets": pockets, "pooltool": pooltool}
 

@@ -14,9 +14,9 @@ from benchmarks import accuracy, gradients, run_command, simulators, speed, stre
 from benchmarks.validation import motion
 from billiards_env import __main__ as command
 from billiards_env.bench import benchmark
+from billiards_env.commands import all_jobs
 from billiards_env.engine import PIC, Engine
 from billiards_env.scene import Scene
-from billiards_env.support.commands import all_jobs
 
 DRIFTS = ["energy_drift", "momentum_drift", "deepest_overlap_m"]
 FULL = OSError("the disk is full")
