@@ -210,7 +210,7 @@ def run_command(
 
 
 def check_output(path: Path) -> None:
-    """Checks before a measurement that a file can be written after it, and creates its folder.
+    """Creates the folder of a file and checks that the file can be written. Call it before a long measurement.
 
     Raises:
         OSError: If the file cannot be written.

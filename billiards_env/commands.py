@@ -61,7 +61,7 @@ def ending(resumes: str = "") -> Iterator[None]:
 
 
 class Job:
-    """Returns, for the name of a job, the context in which it runs. See `all_jobs`.
+    """Runs jobs: `with job(name):` runs one and records its error. See `all_jobs`.
 
     Attributes:
         count: The number of jobs so far.
@@ -90,7 +90,7 @@ class Job:
 
 @contextlib.contextmanager
 def all_jobs() -> Iterator[Job]:
-    """Runs all jobs, also after one has failed, and raises their errors at the end.
+    """Runs the jobs of a block. If a job fails, the others still run, and the block raises the errors at its end.
 
     Yields:
         The `Job` that runs them.

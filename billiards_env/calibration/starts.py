@@ -96,7 +96,7 @@ def _motion(batch: BatchResult, balls: Ints, times: Floats) -> tuple[Floats, Flo
     shots = np.arange(len(times))
     assert batch.log is not None
     paths, pieces = Trajectory.of(batch.log.segments), np.diff(batch.log.bounds[:, 1])  # of each shot
-    # A key orders by shot, by ball and by time. The last piece that begins at or before a time has its place.
+    # The keys sort the pieces by shot, ball and time. The last piece that begins at or before a time contains it.
     span = float(batch.time.max()) + 1.0
     owner = np.repeat(shots, pieces) * batch.scene.n_balls + paths.ball
     order = np.argsort(owner, kind="stable")  # those of a ball stay in the order of time

@@ -335,7 +335,7 @@ class BilliardsEnv(OfEpisodes, OfArguments, gym.Env[Any, Any]):
       m) and "elevation_std" (degrees) to numbers. Missing ones are 0.125, 0.075, 0.0005 and 0.1, those of the pool
       tournaments at the Computer Olympiad (Smith 2007, PickPocket: A computer billiards shark). The speed stays
       between 0 and `max_speed`. A shot of speed 0 stays at speed 0. An action is clipped before the noise is added.
-    - `scatter` gives each impact on a cushion random differences, see `physics.scatter`. It maps "normal_std",
+    - `scatter` adds random differences to each impact on a cushion, see `physics.scatter`. It maps "normal_std",
       "along_std" and "spin_std" to numbers. Missing ones have the values of a real table, `shots.noise.SCATTER`.
     - `fix` is a name in `billiards_env.engine.overlaps.TREATMENTS`; None means the first, `"push_apart"`.
     - `"module:name"` names a task, a scene, a layout, a feature or an action that a package of yours registers.

@@ -76,7 +76,7 @@ class BilliardsVectorEnv(OfEpisodes, OfArguments, VectorEnv[Any, Any, NDArray[An
     | `episode_seed` | `(num_envs, 8)`    | seeds of earlier episodes, as in `infos`, which begin again           |
     | `reset_mask`   | `(num_envs,)` bool | the environments to reset; the others continue their episodes         |
 
-    The positions `(n, 2)`, the goal `(2,)` or the number of one environment apply to all.
+    Positions `(n, 2)`, a goal `(2,)` or one number of `physics` apply to all environments.
 
     ## Autoreset
 

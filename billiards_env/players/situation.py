@@ -102,7 +102,7 @@ Player = Callable[[Situation, np.random.Generator], Stroke]
 def stroke_of(player: Player, situation: Situation, rng: np.random.Generator) -> Stroke:
     """Returns the stroke of a player.
 
-    Raises a TypeError or a ValueError if it is no `Stroke` or has wrong numbers. The errors of the player pass.
+    Raises a TypeError or a ValueError if it is no `Stroke` or has wrong numbers. Errors of the player pass unchanged.
     """
     stroke = result_of(f"stroke of {short(player)}", Stroke, player, situation, rng)
     check_stroke(situation.table.scene, stroke, f" of {short(player)}")

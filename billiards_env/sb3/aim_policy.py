@@ -220,7 +220,7 @@ class AimPolicy(ActorCriticPolicy):
             self.net.std.copy_(torch.tensor(std))
 
     def set_training_mode(self, mode: bool) -> None:
-        """Sets the mode. PPO ends an update with it, so then the deviations and the entropy follow their schedules."""
+        """Sets the mode. PPO leaves the training mode after each update; this call then applies the schedules."""
         if self.training and not mode:
             self._follow_schedules()
         super().set_training_mode(mode)

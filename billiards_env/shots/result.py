@@ -163,8 +163,8 @@ class ShotResult:
             t: Seconds since the start of the shot, a number or an array of any shape.
 
         Returns:
-            (..., n, 2) float64, m/s, in scenes with flight (..., n, 3) with the vertical velocity, and (..., n, 3)
-            float64, rad/s, zero unless the motion is "sliding". From the end of the shot on they are those at the end.
+            The velocities, (..., n, 2) float64, m/s; in scenes with flight (..., n, 3), with the vertical velocity. The
+            spins, (..., n, 3) float64, rad/s; zero unless the motion is "sliding". They do not change after the end.
 
         Raises:
             ValueError: As in `at`.

@@ -400,7 +400,7 @@ _FIRST_SHOTS = 64  # shots that are recorded first, to find the room that the ot
 def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -> ShotLog:
     """Runs shots with `run(begin, end, log)` and returns their log.
 
-    The room in a log is that of the shots so far, with a margin. Shots that do not fit run again.
+    The length of a log is estimated from the shots so far, with a margin. Shots that do not fit in it run again.
     """
     (m, n), flight = shots.in_play.shape, shots.heights is not None
     fields = [array for array in start_fields(shots) if array is not None]

@@ -356,7 +356,7 @@ def check_call(what: str, function: Any, count: int, expected: str = "") -> None
 
 
 def result_of(name: str, kind: Any, function: Callable[..., Any], *arguments: Any) -> Any:
-    """Returns the result of a function of another package. The errors of the function pass.
+    """Returns the result of a function of another package. Errors of the function pass unchanged.
 
     Args:
         name: The name of the result, used in error messages.
