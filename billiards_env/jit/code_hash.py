@@ -103,6 +103,8 @@ def _tokens(value: Any, callees: list[FunctionType]) -> Iterator[str]:
         yield value.__name__
         for member in value.__members__.values():
             yield from _tokens(member, callees)
+    elif hasattr(type(value), "code_parts"):  # an object that makes a kernel from these parts
+        yield from _tokens(value.code_parts, callees)
     elif isinstance(value, (type, ModuleType, BuiltinFunctionType)):
         yield f"{value.__name__} {getattr(value, '_fields', '')} {getattr(value, '_field_defaults', '')}"
     else:
