@@ -87,7 +87,7 @@ class Tangent:
 
     @property
     def code_parts(self) -> tuple[Any, ...]:
-        """What its machine code depends on, for `jit.code_hash`: the kernel, the code that makes tangents, the rules."""
+        """What its machine code depends on, for `jit.code_hash`: the kernel, the maker of tangents and the rules."""
         writer = [method for method in vars(_Writer).values() if isinstance(method, FunctionType)]
         return self.plain, self.constant, _tangent.__wrapped__, writer
 
