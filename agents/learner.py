@@ -5,15 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from stable_baselines3.common.policies import BasePolicy
 
 from billiards_env.sb3.weights import save_policy
 from billiards_env.support.checks import Range, integer, number, real, short
-
-if TYPE_CHECKING:
-    from agents.config import Config  # which imports the learners
 
 Check = Callable[[str, Any], Any]
 """A function `(name, value) -> value` that returns a value after a check. The name is for its error."""
@@ -36,14 +33,15 @@ class Learner(NamedTuple):
 
     Attributes:
         settings: The settings by name. A configuration has their values in the section with the name of the learner.
-        check: Raises a ValueError for a configuration that the learner cannot train. It runs after all other checks.
-            It may set values that follow from others, such as `n_envs`.
-        make: Returns the training of a configuration, from its start. The second argument is the folder of the run.
+        check: A function `(config)` that raises a ValueError for a `Config` that the learner cannot train. It runs
+            after all other checks. It may set values that follow from others, such as `n_envs`.
+        make: A function `(config, folder)` that returns the training of a configuration, from its start; `folder` is
+            that of the run.
     """
 
     settings: Mapping[str, Setting]
-    check: Callable[[Config], None]
-    make: Callable[[Config, Path], Training]
+    check: Callable[..., None]
+    make: Callable[..., Training]
 
 
 class Training:
