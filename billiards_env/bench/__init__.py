@@ -2,6 +2,7 @@
 
 Modules:
     frozen: The frozen tasks.
+    published: The hashes of their published results.
     evaluation: Players in an environment: mean returns with intervals.
     benchmark: The benchmark of players in the frozen tasks, `billiards bench`.
 """

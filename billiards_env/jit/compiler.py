@@ -15,13 +15,16 @@ from typing import Any
 
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, DefaultPassBuilder
+from numba.core.datamodel.models import OpaqueModel
 from numba.core.errors import TypingError
+from numba.core.imputils import lower_constant
 from numba.core.registry import CPUDispatcher
 from numba.core.targetconfig import ConfigStack
 from numba.core.typed_passes import NopythonRewrites
-from numba.core.types import unliteral
+from numba.core.types import Dispatcher, unliteral
 from numba.core.types.functions import BaseFunction
 from numba.core.untyped_passes import InlineClosureLikes, LiteralPropagationSubPipelinePass, LiteralUnroll, WithLifting
+from numba.extending import register_model
 
 LONG = 2.0  # s; each compilation that takes longer prints a message
 
@@ -113,6 +116,22 @@ class ShortCompiler(Compiler):
                 gc.enable()
 
 
+class _GlobalKernel(Dispatcher):
+    """The type of a kernel as a global name of its callers, without data.
+
+    Numba's own type has the address of an object in this process, which the code in a file must not contain. Calls do
+    not read it, but LLVM removes it only if it optimises, with `NUMBA_OPT` above 0.
+    """
+
+
+register_model(_GlobalKernel)(OpaqueModel)
+
+
+@lower_constant(_GlobalKernel)
+def _empty(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    return context.get_dummy_value()
+
+
 class Kernel(CPUDispatcher):
     """A function that other compiled functions call. Slowdown without this class and `_KernelLibrary`: 2.0x.
 
@@ -121,6 +140,10 @@ class Kernel(CPUDispatcher):
 
     def __init__(self, py_func: Any, locals: Any, targetoptions: Any) -> None:
         super().__init__(py_func, locals, {**targetoptions, "no_cpython_wrapper": True}, ShortCompiler)
+
+    @property
+    def _numba_type_(self) -> _GlobalKernel:
+        return _GlobalKernel(self)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Compiles the function for a call, once for all constants of a type. Without this, compiling takes 4% longer.

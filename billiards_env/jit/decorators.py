@@ -45,7 +45,7 @@ class _Locator(UserProvidedCacheLocator):
     """
 
     def __init__(self, py_func: Any, py_file: str) -> None:
-        self._hash = code_hash(py_func)
+        self._hash, self._py_file = code_hash(py_func), py_file  # numba's warnings name the file
         self._cache_path = os.path.join(_FOLDER or "", py_func.__module__.rpartition(".")[0])
 
     def get_source_stamp(self) -> bytes:
