@@ -137,7 +137,7 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
     add("--scene", help=f"the scene: {', '.join(SCENES)}, module:name or a JSON file (default: the task's)")
     add("--balls", type=int, metavar="N", dest="n_object_balls", help="number of object balls (default: the task's)")
     add("--layout", help="starting positions (default: the task's)")
-    add("--action", help="velocity or strike (default: velocity)")
+    add("--action", help="velocity or strike (default: the task's)")
     add("--max-shots", type=int, help="most shots of an episode (default: the task's)")
     add("--mode", help="the engine: pic or pit (default: pic)")
     add("--dt", type=number, help="timestep of pit, s, such as 1/60")
