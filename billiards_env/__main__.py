@@ -122,7 +122,8 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
         "function that makes the player, policy:FOLDER for a run of agents.train, policy:FOLDER:K (the best of K "
         "actions that it proposes), random, geometric, "
         "search:K (simulates K shots), aim (computes shots), planner:TIME (plans under noise) or a level such as "
-        "planner:club (its strokes are noisy)."
+        "planner:club (its strokes are noisy). If the first player is the policy of a run with the same task, the "
+        "other arguments of the environment are those of the run."
     )
     add = parser.add_argument
     add("player", nargs="+", help="a player, such as mine:player for that of the function player of mine.py")
@@ -307,6 +308,7 @@ def evaluate(args: argparse.Namespace) -> None:
     arguments = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
     if args.scene is not None and args.scene.endswith(".json"):
         arguments["scene"] = read_scene(args.scene)
+    arguments = _of_run(args.player[0], arguments)
     episodes, seed = integer("--episodes", args.episodes, _EPISODES), integer("--seed", args.seed, Range(0, None))
     noise = real("--noise[0]", args.noise[0], "angle_std"), real("--noise[1]", args.noise[1], "speed_std")
     players = [*args.player, *(player for player in args.beside if player not in args.player)]
@@ -325,6 +327,24 @@ def evaluate(args: argparse.Namespace) -> None:
 
             with job(player):
                 show(player, measure(player, arguments, noise, episodes, seed, progress))
+
+
+def _of_run(player: str, given: dict[str, Any]) -> dict[str, Any]:
+    """Returns the arguments of the environment: those of the run of a policy, if it has the given task, and the given.
+
+    A given scene has its own balls and layout.
+    """
+    if not player.startswith("policy:"):
+        return given
+    from billiards_env.sb3.policy_player import arguments_of_run
+
+    of_run = arguments_of_run(player)
+    if given.get("task", of_run.get("task")) != of_run.get("task"):
+        return given
+    for name in ("n_object_balls", "layout") if "scene" in given else ():
+        of_run.pop(name, None)
+    print(f"other arguments of the environment: those of {player}", flush=True)
+    return of_run | given
 
 
 def bench(args: argparse.Namespace) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium.error import ResetNeeded
+from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
@@ -55,8 +56,9 @@ class SameStepVecEnv(VecEnv):
         super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
         self.metadata = {**envs.metadata, **self.metadata}
         game = getattr(envs.unwrapped, "single_env", None)
-        if isinstance(game, BilliardsEnv) and game.observation_space is self.observation_space:
-            self.observation_space = GameSpace(game.observation_space, arguments_of(game))
+        space = self.observation_space
+        if isinstance(game, BilliardsEnv) and game.observation_space is space and isinstance(space, Box):
+            self.observation_space = GameSpace(space, arguments_of(game))
         if isinstance(game, BilliardsEnv) and game.n_players > 1 and self._wrapper("seats") is None:
             warnings.warn(
                 f"envs with n_players = {game.n_players}: expected Opponents(envs, policy), where one player learns; "
