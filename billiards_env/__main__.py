@@ -117,7 +117,8 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
         "function that makes the player, policy:FOLDER for a run of agents.train, policy:FOLDER:K (the best of K "
         "actions that it proposes), random, geometric, "
         "search:K (simulates K shots), aim (computes shots), planner:TIME (plans under noise) or a level such as "
-        "planner:club (its strokes are noisy)."
+        "planner:club (its strokes are noisy). If the first player is the policy of a run with the same task, the "
+        "other arguments of the environment are those of the run."
     )
     add = parser.add_argument
     add("player", nargs="+", help="a player, such as mine:player for that of the function player of mine.py")
@@ -132,7 +133,7 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
     add("--scene", help=f"the scene: {', '.join(SCENES)}, module:name or a JSON file (default: the task's)")
     add("--balls", type=int, metavar="N", dest="n_object_balls", help="number of object balls (default: the task's)")
     add("--layout", help="starting positions (default: the task's)")
-    add("--action", help="velocity or strike (default: velocity)")
+    add("--action", help="velocity or strike (default: the task's)")
     add("--max-shots", type=int, help="most shots of an episode (default: the task's)")
     add("--mode", help="the engine: pic or pit (default: pic)")
     add("--dt", type=number, help="timestep of pit, s, such as 1/60")
@@ -306,6 +307,7 @@ def evaluate(args: argparse.Namespace) -> None:
     arguments = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
     if args.scene is not None and args.scene.endswith(".json"):
         arguments["scene"] = read_scene(args.scene)
+    arguments = _of_run(args.player[0], arguments)
     episodes, seed = integer("--episodes", args.episodes, _EPISODES), integer("--seed", args.seed, Range(0, None))
     noise = real("--noise[0]", args.noise[0], "angle_std"), real("--noise[1]", args.noise[1], "speed_std")
     players = [*args.player, *(player for player in args.beside if player not in args.player)]
@@ -324,6 +326,24 @@ def evaluate(args: argparse.Namespace) -> None:
 
             with job(player):
                 show(player, measure(player, arguments, noise, episodes, seed, progress))
+
+
+def _of_run(player: str, given: dict[str, Any]) -> dict[str, Any]:
+    """Returns the arguments of the environment: those of the run of a policy, if it has the given task, and the given.
+
+    A given scene has its own balls and layout.
+    """
+    if not player.startswith("policy:"):
+        return given
+    from billiards_env.sb3.policy_player import arguments_of_run
+
+    of_run = arguments_of_run(player)
+    if given.get("task", of_run.get("task")) != of_run.get("task"):
+        return given
+    for name in ("n_object_balls", "layout") if "scene" in given else ():
+        of_run.pop(name, None)
+    print(f"other arguments of the environment: those of {player}", flush=True)
+    return of_run | given
 
 
 def bench(args: argparse.Namespace) -> None:

@@ -3,7 +3,10 @@
 An action is a plan: a ball, a pocket and a speed, made into a shot by geometry. The policy first learns alone to pot
 the balls of a rack in their order. Then it plays games against frozen copies of itself, and learns from won and lost
 games. `Opponents` plays the turns of the copy, so the learner sees an environment of one player. The command prints the
-share of games that the policy wins against other players, before and after these games.
+share of games that the policy wins against other players, before and after these games, and saves the model. Play
+against it with
+
+    billiards play --rules nine_ball --scene pool --players human,examples.self_play:player:self_play.zip
 """
 
 from collections.abc import Callable, Sequence
@@ -16,8 +19,10 @@ from sb3_contrib import MaskablePPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 from billiards_env.envs import Opponents
-from billiards_env.players.env_player import acting_in
+from billiards_env.games import Stroke
+from billiards_env.players.env_player import acting_in, game_observation
 from billiards_env.players.named import find_player
+from billiards_env.players.situation import Player, Situation, placed
 from billiards_env.pots.plans import Plans
 from billiards_env.sb3 import SameStepVecEnv
 from billiards_env.shots.tables import Tables
@@ -89,9 +94,9 @@ class NewCopy(BaseCallback):
 
 
 def run(
-    alone: int, against_itself: int, n_games: int = 200, rivals: Sequence[str] = RIVALS
+    alone: int, against_itself: int, n_games: int = 200, rivals: Sequence[str] = RIVALS, save: str = "self_play.zip"
 ) -> dict[str, tuple[float, float]]:
-    """Learns alone, then in games. Returns the shares of games won against rivals, before and after the games."""
+    """Learns alone, then in games, and saves the model. Returns the shares of games won, before and after the games."""
     torch.set_num_threads(1)
     settings: dict[str, Any] = {"n_steps": 32, "batch_size": 1024, "n_epochs": 4, "gamma": 0.9, "ent_coef": 0.003}
     settings |= {"learning_rate": 1e-3, "policy_kwargs": {"net_arch": [256, 256]}, "device": "cpu", "seed": 0}
@@ -104,8 +109,25 @@ def run(
     learner = MaskablePPO("MlpPolicy", SameStepVecEnv(envs), **{**settings, "learning_rate": 3e-4})
     learner.policy.load_state_dict(model.policy.state_dict())
     learner.learn(against_itself, NewCopy(envs, every=5))
+    learner.save(save)
     after = [share_of_wins(learner, rival, n_games) for rival in rivals]
     return dict(zip(rivals, zip(before, after, strict=True), strict=True))
+
+
+def player(path: str) -> Player:
+    """Returns the player of a saved model, see the command `billiards play` above."""
+    model = MaskablePPO.load(path)
+
+    def play(situation: Situation, rng: np.random.Generator) -> Stroke:
+        situation = placed(situation, rng)
+        (setup, game), table = situation.find_game(), situation.table
+        plans = Plans(setup.scene)
+        observation = game_observation(setup, game, table.max_speed, observe=OBSERVE)
+        chosen, _ = model.predict(observation, action_masks=plans.mask(table)[0], deterministic=True)
+        (velocity,) = plans.velocities(np.array([chosen], float), table)
+        return situation.stroke(velocity / table.max_speed)
+
+    return play
 
 
 if __name__ == "__main__":

@@ -162,6 +162,11 @@ def test_attributes_and_methods_of_wrappers():
     opponents.close()
 
 
+def test_a_game_without_opponents_warns():
+    with pytest.warns(UserWarning, match="envs with n_players = 2: expected Opponents"):
+        SameStepVecEnv(make_vector_env(2, task="nine_ball", n_players=2))
+
+
 def test_learners_find_the_masks_of_plans():
     utils = pytest.importorskip("sb3_contrib.common.maskable.utils")
     kwargs = {"action": "plan", "max_shots": 2}
