@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, Shots, run_shots_of
-from billiards_env.engine.compile import varied_fields, varied_shot, vary, with_scatter
+from billiards_env.engine.compile import scene_kernels, varied_fields, varied_shot, vary, with_scatter
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shots import arrays_in, row_type, start_fields
 from billiards_env.envs.actions import (
@@ -99,6 +99,7 @@ class Episodes:
         )
         self._numbers = tuple(numbers)
         self._run_shots = Typed(run_shots_of(model.engine, scene.n_balls))
+        self._kernels = scene_kernels(scene, model.engine)
         self._start, self._begin, self._keep_seeds = Typed(start_shots), Typed(begin_episodes), Typed(keep_seeds)
         self._has_foreign_judge = setup is None and is_foreign(entry.judge)
         self._score: Any = Typed(scoring(entry.judge)) if setup is None else None
@@ -386,7 +387,7 @@ class Episodes:
             self.recorded[first] = self._record(first)
             first += 1
         if first < end:
-            self._run_shots.call(first, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
+            self._run_shots.call(self._kernels, first, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
         if self._game is None:
             self._score.call(begin, end, self._numbers, self._arrays, rewards)
         else:
