@@ -295,9 +295,9 @@ def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tupl
         raise ValueError("--speed with --velocity or --spin: expected the motion either of the cue or of the ball")
     cue = {"heading": np.arctan2(aim[1], aim[0]), "side": 0.0, "top": 0.0, "elevation": 0.0, **cue}
     struck = strike(scene, real("--speed", args.speed, _SPEED), **cue)
-    heading, elevation = np.rad2deg([cue["heading"], cue["elevation"]]).tolist()
+    heading, elevation = (f"{np.rad2deg(cue[name]):.6g} degrees ({cue[name]:.4g} rad)" for name in _ANGLES)
     tip = f"side {cue['side']:g} R, top {cue['top']:g} R"
-    stroke = f"stroke: {args.speed:g} m/s, heading {heading:.6g} degrees, {tip}, elevation {elevation:.6g} degrees"
+    stroke = f"stroke: {args.speed:g} m/s, heading {heading}, {tip}, elevation {elevation}"
     slips = ["the tip slips on the ball: a miscue"] * bool(struck.miscue)
     return struck, None, [stroke, *slips, *_notes(scene, struck.velocity, struck.spin)]
 
