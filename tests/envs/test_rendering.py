@@ -358,9 +358,7 @@ def test_a_video_of_single_frames_shows_each_shot_for_a_second(render_mode, fps)
 def test_the_frame_of_a_game_names_the_next_player_and_its_group(pygame):
     env = make_env(task="eight_ball", n_players=2, render_mode="rgb_array")
     env.reset(seed=0)
-    state = {"solids": 1, "player": 0}
-    positions = env.positions + [0.0, 1e-3]
-    env.reset(options={"positions": positions, "state": state})
+    env.reset(options={"positions": env.positions, "state": {"solids": 1, "player": 0}})
     env.step([0.01, 0.0, 0.0, 0.0])
     renderer: Any = env._renderer
     assert renderer._steps[-1][0].right == "no hit   next: player 1 (solids)"
