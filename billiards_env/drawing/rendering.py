@@ -80,7 +80,10 @@ def drawn_shot(episodes: Episodes, k: int, reward: float, goals: Floats) -> Draw
 
 
 def _result_text(episodes: Episodes, k: int) -> str:
-    """Returns the text at the end of a shot in game k of several players: the foul, the scores and the winner."""
+    """Returns the text at the end of a shot in game k of several players: the foul, the scores, and who wins or plays.
+
+    A player of eight ball has a group of balls.
+    """
     turns, setup = episodes.state.turns, episodes.model.setup
     assert turns is not None
     assert setup is not None
@@ -89,6 +92,11 @@ def _result_text(episodes: Episodes, k: int) -> str:
         parts.append(" : ".join(map(str, turns.scores[k].tolist())))
     if episodes.state.over[k]:
         parts.append("nobody wins" if turns.winner[k] < 0 else f"player {turns.winner[k]} wins")
+    else:
+        player, solids = int(turns.next_player[k]), int(episodes.state.game["solids"][k])
+        groups = ("solids", "stripes") if setup.scene.balls.colours == "pool" else ("reds", "yellows")
+        group = "" if solids < 0 else f" ({groups[solids != player]})"
+        parts.append(f"next: player {player}{group}")
     return "   ".join(parts)
 
 

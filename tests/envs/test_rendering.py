@@ -353,3 +353,12 @@ def test_a_video_of_single_frames_shows_each_shot_for_a_second(render_mode, fps)
     assert metadata == {"render_modes": list(RENDER_MODES), "render_fps": FPS}
     assert gym.make("Billiards-v0", render_mode=render_mode).metadata["render_fps"] == fps
     assert make_vec("Billiards-v0", num_envs=2, render_mode=render_mode).metadata["render_fps"] == fps
+
+
+def test_the_frame_of_a_game_names_the_next_player_and_its_group(pygame):
+    env = make_env(task="eight_ball", n_players=2, render_mode="rgb_array")
+    env.reset(seed=0)
+    env.reset(options={"positions": env.positions, "state": {"solids": 1, "player": 0}})
+    env.step([0.01, 0.0, 0.0, 0.0])
+    renderer: Any = env._renderer
+    assert renderer._steps[-1][0].right == "no hit   next: player 1 (solids)"
