@@ -137,7 +137,7 @@ WORK: dict[str, Callable[[], Any]] = {
     "real_carom": lambda: [shots_of("real_carom", 2, 200)],
     "flights": lambda: [shots_of("jump_pool", 3, 200)],
     **{
-        f"timestep, {fix}": lambda engine=engine: [shots_of("pool", 3, 200, engine=engine)]
+        f"timestep {fix}": lambda engine=engine: [shots_of("pool", 3, 200, engine=engine)]
         for fix, engine in _PIT.items()
     },
     **{
