@@ -32,7 +32,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
-from benchmarks import ROOT, machine, rows_table, run_command, workers
+from benchmarks import ROOT, machine, run_command, workers
+from benchmarks.machines import blocks
 from benchmarks.machines.replay import TARGETS, emulator, tool
 from benchmarks.machines.work import FILES, WORK
 from billiards_env.bench.published import HASHES
@@ -40,7 +41,6 @@ from billiards_env.commands import Job
 from billiards_env.doctor import IDS
 from billiards_env.support.checks import one_of
 from billiards_env.support.files import write_json
-from docs.web.check import BROWSERS
 
 PARTS = "aarch64", "kernels", "settings", "numba", "web"
 HOME = ROOT / "build" / "machines"
@@ -159,8 +159,7 @@ def with_numba(folder: Path, name: str, names: Iterable[str]) -> Any:
 
 def in_browser(folder: Path) -> Any:
     """Compares shots in a browser."""
-    if not any(map(shutil.which, BROWSERS)):
-        tool("chromium", "chromium")
+    shutil.which("google-chrome") or tool("chromium", "chromium")
     result = folder / "web results"
     run(folder / "web.log", sys.executable, "-m", "docs.web.check", "--shots", "100", "--output", result)
     return json.loads(result.read_text(encoding="utf-8"))["rows"]
@@ -271,13 +270,6 @@ def _work_row(machine: str, results: dict[str, Any], expected: dict[str, Any]) -
     compared += f", {len(shared) - ids} other kinds of work" if len(shared) > ids else ""
     other = [name for name, (bits, _) in shared.items() if bits != expected[name][0]]
     return {"machine": machine, "compared": compared, "other": len(other), "names": other}
-
-
-def blocks(result: dict[str, Any]) -> dict[str, str]:
-    """Returns the results as Markdown, by name."""
-    columns = {"machine": "{machine}", "compared": "{compared}", "other bits": "{other:,}"}
-    left = "\n".join(f"- `{name}`" for name in result["left_out"])
-    return {"machines": rows_table(columns, result["rows"], left=2), "left out": left or "Nothing."}
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -162,13 +162,14 @@ def target_aarch64() -> None:
     """Makes numba compile for aarch64 from now on. Nothing may be compiled yet."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
-    from_triple = classmethod(lambda target: target.from_triple(TRIPLE))
+    from_triple = functools.partial(llvm.Target.from_triple, TRIPLE)
     triple = patch.object(llvm, "get_process_triple", lambda: TRIPLE)
     with triple, patch.object(llvm.Target, "from_default_triple", from_triple):
-        cpu_target.target_context._internal_codegen = JITCPUCodegen("numba.exec")
+        context: Any = cpu_target.target_context
+        context._internal_codegen = JITCPUCodegen("numba.exec")
 
 
-def write_code(entry: Any, kinds: Any, number: int, folder: Path, compile: Any) -> None:
+def write_code(folder: Path, compile: Any, entry: Any, kinds: Any, number: int) -> None:
     """Compiles an entry point with numba, and writes its LLVM code and how to call it.
 
     Numba optimises functions before it links them. Here they are optimised after they are linked, because this
@@ -214,7 +215,7 @@ def main(mode: str, folder: Path, names: list[str]) -> None:
         target_aarch64()
         calls.contents, calls.calls = pickle.loads(path.read_bytes())
         calls.calls.reverse()
-        intercept(calls.answer, lambda *one: write_code(*one, folder / "ir", own))
+        intercept(calls.answer, lambda *one: write_code(folder / "ir", own, *one))
     work.main(folder / f"{mode} results", names)
     if mode == "record":
         path.write_bytes(pickle.dumps((calls.contents, calls.calls), protocol=4))

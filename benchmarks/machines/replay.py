@@ -14,7 +14,7 @@ import shutil
 import struct
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -44,7 +44,7 @@ class Target(NamedTuple):
     qemu: str
     triple: str
     cpu: str = ""
-    options: Mapping[str, str] = MappingProxyType({})
+    options: Mapping[str, Any] = MappingProxyType({})
     big: bool = False
 
 
@@ -219,7 +219,7 @@ def words(value: Any) -> Iterator[tuple[int, Any]]:
         yield 2, 0
 
 
-def pack(rows: list[Row], big: bool) -> bytes:
+def pack(rows: Sequence[Row], big: bool) -> bytes:
     """Returns the file of calls that `replay.c` reads."""
     head, body, places = [len(rows)], bytearray(), dict[tuple[bytes, str], int]()
     begin = 8 * (1 + sum(4 + 3 * len(arrays) + 2 * len(used) + 3 * len(results) for _, arrays, used, results in rows))
