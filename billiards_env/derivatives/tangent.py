@@ -8,14 +8,15 @@ arguments that are constant in this call are left out. The tangent computes the 
 
 A kernel may consist of:
 
-* assignments to names and tuples of names, also `a = b = value` and `a += value`; `if`; `for` over constant values,
-  `break` and `continue`; `return`,
+* assignments to names, to `a[i]` and to tuples of them, also `a = b = value` and `a += value`; `if`; `for` over
+  constant values, `break` and `continue`; `return`,
 * numbers, names, tuples, attributes, `a[i]` with a constant i,
 * `+ - * /`, comparisons, `and`, `or`, `not`, `a if condition else b`,
 * `abs`, `math.sqrt`, `max` and `min` of two numbers, NamedTuples, which may have keyword arguments, and calls of other
   kernels with positional arguments, but no call of a kernel within `a if condition else b` or a condition.
 
-A call whose result does not depend on what changes is left as it is.
+A call whose result does not depend on what changes is left as it is. A kernel that changes an array returns a value
+that changes. A kernel without arguments that makes an array has a rule, whose change is another array.
 
 Everything else is an error, whose message has the line. The tangents of called kernels are made in the same way. `rule`
 gives a kernel a tangent of another form: for an iteration, differentiate the equation that it solves.
@@ -136,8 +137,11 @@ def _is_plain(function: str) -> bool:
 
 
 def _names_in(target: Any) -> set[str]:
-    """Returns the names in the target of an assignment."""
-    return {part.id for part in ast.walk(target) if isinstance(part, ast.Name)} - {"_"}
+    """Returns the names in the target of an assignment, which are values or arrays."""
+    if isinstance(target, ast.Tuple):
+        return set().union(*map(_names_in, target.elts))
+    name = target.value if isinstance(target, ast.Subscript) else target
+    return {name.id} - {"_"} if isinstance(name, ast.Name) else set()
 
 
 def _pairs(target: Any, value: Any) -> Iterator[tuple[Any, Any]]:
@@ -208,7 +212,9 @@ class _Writer:
                 return self.changes(node.value)
             case ast.Call(func=ast.Name(id="len" | "range")):
                 return False
-            case ast.Call() if self.complete and self.is_kernel(node) and any(map(self.changes, node.args)):
+            case ast.Call() if self.is_kernel(node) and (
+                not node.args or (self.complete and any(map(self.changes, node.args)))
+            ):
                 tangent: Any = _tangent(*self.called(node)).call
                 return not isinstance(tangent, Tangent) or tangent.result_changes
         return any(self.changes(part) for part in ast.iter_child_nodes(node))
@@ -267,8 +273,8 @@ class _Writer:
 
     def assign(self, target: Any, value: str, change: str | None, node: Any) -> None:
         names = _names_in(target)
-        plain = all(isinstance(part, ast.Name | ast.Tuple | ast.Store) for part in ast.walk(target))
-        if not plain or self.kept.intersection(names):
+        places = (part for part, _ in _pairs(target, target))
+        if not all(isinstance(part, ast.Name | ast.Subscript) for part in places) or self.kept.intersection(names):
             self.refuse(target)
         if not names & self.active:
             self.write(f"{ast.unparse(target)} = {value}")
@@ -282,7 +288,7 @@ class _Writer:
             return "_"
         if isinstance(target, ast.Tuple):
             return f"({', '.join(map(self.changed_part, target.elts))})"
-        return f"d_{target.id}"
+        return f"d_{ast.unparse(target)}"
 
     # Expressions. -------------------------------------------------------------------------------------------------
 

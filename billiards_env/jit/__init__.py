@@ -12,6 +12,7 @@ from billiards_env.jit.decorators import (
     specialised,
 )
 from billiards_env.jit.kept import address_of, kept, moved
+from billiards_env.jit.room import room_for
 
 __all__ = [
     "Typed",
@@ -25,5 +26,6 @@ __all__ = [
     "kernel",
     "kernels_of",
     "moved",
+    "room_for",
     "specialised",
 ]
