@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.laws.cushion import Cushion, CushionMotion, cushion_restitution, nose_of, spins_of
-from billiards_env.physics.laws.mathavan import CushionNose, integrate_impact
+from billiards_env.physics.laws.mathavan import CushionNose, follow_impact, integrate_impact
 
 
 @inlined
@@ -29,6 +29,15 @@ def mathavan2010(before, radius, rebound, numbers, solution):
     raised = vy > -rebound
     vn = -rebound if raised else vy
     return CushionMotion(vn, -vx, vn + rwx, rwy - vx, rwz), raised
+
+
+@kernel
+def impact_is_smooth(before, radius, numbers):
+    """Returns whether an impact has a derivative; see `follow_impact`."""
+    _, smooth, _ = follow_impact(
+        motion_of(before), contact_of(radius, numbers), cushion_restitution(before.vn, numbers)
+    )
+    return smooth
 
 
 CUSHION = Cushion(mathavan2010, work=500)
