@@ -1,7 +1,7 @@
 """Training and evaluation of agents on `Billiards-v0`.
 
-`python -m agents.train ROW` trains PPO (Stable-Baselines3) and writes a run folder. `python -m agents.evaluate RUN_DIR`
-compares the trained policy with random actions, or films it.
+`python -m agents.train ROW` trains a policy with a learner, such as PPO (Stable-Baselines3), and writes a run folder.
+`python -m agents.evaluate RUN_DIR` compares the trained policy with random actions, or films it.
 """
 
 import importlib.util

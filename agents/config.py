@@ -10,50 +10,25 @@ import dataclasses
 import inspect
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Any
 
 import yaml
 
+from agents.learner import whole
+from agents.learners import LEARNERS
 from billiards_env.bench.frozen import FROZEN
 from billiards_env.envs import make_model
 from billiards_env.envs.tasks import task_of
-from billiards_env.sb3 import PPO_SETTINGS
 from billiards_env.shots.noise import EXECUTION_NOISE
-from billiards_env.support.checks import Range, fields_of, flag, integer, number, one_of, real, short
+from billiards_env.support.checks import Range, entry_of, fields_of, integer, key_of, number, one_of, short, short_name
 from billiards_env.support.settings import read_settings
-
-ENV_ID = "Billiards-v0"
 
 LEARNING = Path(__file__).resolve().parent.parent / "configs" / "learning.yaml"
 
 AIM_POLICY: dict[str, Any] = {"arguments": {}}
 USUAL_POLICY: dict[str, Any] = {"hidden": [64, 64], "activation": "tanh"}
 
-LEARNERS = ("ppo", "likelihood")
-
-_PPO = (
-    *("learning_rate", "n_steps", "batch_size", "n_epochs", "gamma", "gae_lambda", "clip_range", "clip_range_vf"),
-    *("normalize_advantage", "ent_coef", "vf_coef", "max_grad_norm", "target_kl"),
-)
 _POLICY = {"aim": ("head", "arguments"), "gaussian": ("head", "hidden", "activation")}
-_COUNTS = ("n_steps", "batch_size", "n_epochs")
-_SHARES = ("learning_rate", "gamma", "gae_lambda")
-_OPTIONAL = ("clip_range_vf", "target_kl")  # None: no limit
-
-LIKELIHOOD = {
-    "layouts": 128,
-    "hits": 32,
-    "own": 8,
-    "labels": 1200,
-    "passes": 2,
-    "imitation": 0.5,
-    "samples": 32,
-    "learning_rate": [4e-3, 4e-5],
-}
-"""The defaults of `Config.likelihood`."""
-
-AIM_PPO = {**{name: PPO_SETTINGS[name] for name in PPO_SETTINGS if name in _PPO}, "learning_rate": [2e-3, 2e-5]}
-"""`PPO_SETTINGS` as plain data."""
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -75,16 +50,9 @@ class Config:
             `agents.evaluate`.
         policy: `head`: "aim" for `billiards_env.sb3.AimPolicy`, with its arguments in `arguments`, or "gaussian" for
             the usual policy of Stable-Baselines3, with `hidden` and `activation`.
-        ppo: Arguments of `stable_baselines3.PPO`. A pair of learning rates has the rate of the start and of the end.
-            For "aim" they replace those in `billiards_env.sb3.PPO_SETTINGS`.
-        learner: "ppo", or "likelihood" for `agents.likelihood`, which plays many shots of each layout, with the policy
-            "aim".
-        likelihood: For this learner, `layouts`, the number of layouts of an update, and `imitation`, the share of all
-            shots that the first phase plays. In this phase `hits` and `own` are the numbers of random hits and of
-            actions of the policy in each layout, `labels` is the largest number of shots that score in a step of the
-            optimizer, and `passes` the number of steps for each update. In the second phase `samples` is the number of
-            actions of the policy in each layout. `learning_rate` is a pair as in `ppo`; in the second phase it is
-            halved.
+        learner: A learner of `agents.learners`: "ppo", "likelihood", or "module:name" for one that a module registers.
+        settings: The settings of the learner. In the form of `to_dict` they are a section with the name of the learner.
+            The constructor adds all missing ones that have a default.
 
     Raises:
         ValueError: If a key is unknown or a value is invalid.
@@ -101,21 +69,23 @@ class Config:
     checkpoint_every: int = 100_000
     evaluation_episodes: int = 2000
     policy: dict[str, Any] = dataclasses.field(default_factory=dict)
-    ppo: dict[str, Any] = dataclasses.field(default_factory=dict)
     learner: str = "ppo"
-    likelihood: dict[str, Any] = dataclasses.field(default_factory=dict)
+    settings: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         least = {"timesteps": 0, "seed": 0, "n_envs": 1, "checkpoint_every": 1, "evaluation_episodes": 1}
         for name, bound in least.items():  # Stable-Baselines3 limits the seed
-            setattr(self, name, integer(name, _as_integer(getattr(self, name)), Range(bound, 2**32 - 1)))
+            setattr(self, name, whole(bound, 2**32 - 1)(name, getattr(self, name)))
         if self.task is not None:
             one_of("task", self.task, tuple(FROZEN))
         task = None if self.task is None else FROZEN[self.task]
         noise: Any = self.noise
         if noise == "task":
             noise = {} if task is not None and task.noise else None
-        mappings = {name: getattr(self, name) for name in ("env", "policy", "ppo", "likelihood")}
+        learner, section = entry_of("learner", self.learner, LEARNERS), short_name(self.learner)
+        if section in vars(self):
+            raise ValueError(f"learner = {self.learner!r}: expected a learner whose name is no key of the settings")
+        mappings = {"env": self.env, "policy": self.policy, section: self.settings}
         mappings["noise"] = {} if noise is None else noise
         for name, value in mappings.items():
             if not isinstance(value, Mapping):
@@ -128,57 +98,19 @@ class Config:
         one_of("policy.head", head, tuple(_POLICY))
         for name in self.policy:
             one_of(f"key of policy ({head})", name, _POLICY[head])
-        policy, ppo = (AIM_POLICY, AIM_PPO) if head == "aim" else (USUAL_POLICY, {})
-        self.policy = {"head": head, **policy, **_numbers(self.policy)}
-        for name in self.ppo:
-            one_of("key of ppo", name, _PPO)
-        ppo = ppo if self.learner == "ppo" else {}
-        self.ppo = {**ppo, **_numbers(self.ppo)}
-        one_of("learner", self.learner, LEARNERS)
-        self._check_ppo()
-        self._check_likelihood()
-
-    def _check_ppo(self) -> None:
-        ppo = self.ppo
-        for name, value in ppo.items():
-            if name in _COUNTS:
-                ppo[name] = integer(f"ppo.{name}", _as_integer(value), Range(1, None))
-            elif name == "normalize_advantage":
-                flag(f"ppo.{name}", value)
-            elif value is not None or name not in _OPTIONAL:
-                for one in value if name == "learning_rate" and _is_pair(value) else [value]:
-                    real(f"ppo.{name}", one, Range(0.0, 1.0 if name in _SHARES else 1e6))
-        rollout, batch = self.n_envs * ppo.get("n_steps", 2048), ppo.get("batch_size", 64)
-        if rollout % min(batch, rollout):
-            raise ValueError(f"ppo.batch_size = {batch}: expected a divisor of n_envs * ppo.n_steps = {rollout}")
-
-    def _check_likelihood(self) -> None:
-        known = LIKELIHOOD if self.learner == "likelihood" else {}
-        for name in self.likelihood:
-            one_of(f"key of likelihood (learner = {self.learner!r})", name, tuple(known))
-        if not known:
-            return
-        if self.ppo:
-            raise ValueError(f"ppo = {short(self.ppo)}: expected no settings of PPO with learner = 'likelihood'")
-        one_shot = 1 if self.env["goal_radius"] is not None else self.env["max_shots"]
-        needed = {"policy.head": (self.policy["head"], "aim"), "env.n_players": (self.env["n_players"], 1)}
-        for name, (value, expected) in (needed | {"env.max_shots": (self.env["max_shots"], one_shot)}).items():
-            if value != expected:
-                raise ValueError(f"{name} = {value!r}: expected {expected!r} with learner = 'likelihood'")
-        settings = {**known, **_numbers(self.likelihood)}
-        for name in ("layouts", "hits", "own", "labels", "passes", "samples"):
-            settings[name] = integer(f"likelihood.{name}", _as_integer(settings[name]), Range(1, 1_000_000))
-        real("likelihood.imitation", settings["imitation"], Range(0.0, 1.0))
-        if not _is_pair(rates := settings["learning_rate"]):
-            raise ValueError(f"likelihood.learning_rate = {short(rates)}: expected a pair of rates")
-        for rate in rates:
-            real("likelihood.learning_rate", rate, Range(0.0, 1.0))
-        self.likelihood = settings
-        self.n_envs = settings["layouts"]
+        self.policy = {"head": head, **(AIM_POLICY if head == "aim" else USUAL_POLICY), **_numbers(self.policy)}
+        for name in self.settings:
+            one_of(f"key of {section}", name, tuple(learner.settings))
+        defaults = {name: setting.default for name, setting in learner.settings.items() if setting.default is not None}
+        settings = {**defaults, **_numbers(self.settings)}
+        self.settings = {name: learner.settings[name].check(f"{section}.{name}", settings[name]) for name in settings}
+        learner.check(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Returns the configuration as plain data: dicts, lists, strings and numbers."""
-        return dataclasses.asdict(self)
+        data = dataclasses.asdict(self)
+        settings = data.pop("settings")
+        return data | {short_name(self.learner): settings}
 
     def to_yaml(self) -> str:
         """Returns the configuration as YAML, with all defaults."""
@@ -196,7 +128,17 @@ class Config:
             Traceback (most recent call last):
             ValueError: key of the settings = 'timestep': expected one of ... (did you mean 'timesteps'?)
         """
-        return cls(**fields_of(cls, "the settings", data))
+        if not isinstance(data, Mapping):
+            raise TypeError(f"the settings = {short(data)}: expected a mapping")
+        learner = data.get("learner", cls.learner)
+        section = key_of("learner", learner, LEARNERS)
+        keys = [field.name for field in dataclasses.fields(cls) if field.name != "settings"]
+        for key, value in data.items():
+            one_of("key of the settings", key, (*keys, *LEARNERS))
+            if value != {} and key not in (*keys, section):
+                raise ValueError(f"{key} = {short(value)}: expected nothing with learner = {learner!r}")
+        own = {key: data[key] for key in keys if key in data}
+        return cls(**fields_of(cls, "the settings", {**own, "settings": data.get(section, {})}))
 
 
 def rows() -> dict[str, dict[str, Any]]:
@@ -231,16 +173,6 @@ def load(source: str | Path, **changes: Any) -> Config:
         return Config.from_dict({**data, **changes})
     except TypeError as error:
         raise ValueError(str(error)) from error
-
-
-def _is_pair(value: Any) -> TypeGuard[list[Any]]:
-    return isinstance(value, list) and len(value) == 2
-
-
-def _as_integer(value: Any) -> Any:
-    """Returns a text such as "1e6" as a whole number, if it is one."""
-    value = number(value)
-    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def _numbers(value: Any) -> Any:

@@ -7,21 +7,25 @@ FILE.png`). With `--film FILE.mp4` it writes a film of the first policy instead.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import torch
+from stable_baselines3.common.policies import BasePolicy
 
-from agents.ppo import deterministic, load_run, make_env, make_vector
+from agents.config import Config, load
+from agents.ppo import deterministic, make_env, make_vector
 from agents.train import learning_curve
 from billiards_env.bench.evaluation import evaluation_seeds, measure, play_together, row_printer
+from billiards_env.commands import Parser, all_jobs, ending
 from billiards_env.games import GAMES
 from billiards_env.players.named import find_player
+from billiards_env.sb3 import load_policy
 from billiards_env.sb3.policy_player import playable
 from billiards_env.sb3.weights import check_finished
 from billiards_env.support.checks import Range, integer
-from billiards_env.support.commands import Parser, all_jobs, ending
 from billiards_env.support.files import check_path, replacing, write_json
 
 LAYOUTS = 1000
@@ -29,6 +33,28 @@ LAYOUTS = 1000
 
 FILMED, PAUSE = 5, 0.7
 """The number of episodes of a film, and the time that the balls stay at rest after an episode, s."""
+
+
+def load_run(run_dir: Path, env: Mapping[str, Any] | None = None) -> tuple[Config, BasePolicy]:
+    """Returns the configuration and the trained policy of a run.
+
+    Args:
+        run_dir: The folder of the run.
+        env: Arguments of `gym.make("Billiards-v0", ...)` that replace those of the run.
+
+    Returns:
+        The configuration, and the policy. `policy.predict` returns actions for `make_env(config)`.
+
+    Raises:
+        FileNotFoundError: If the folder holds no finished run.
+        OSError: If a file cannot be read.
+        ValueError: If the configuration is invalid, or `policy.pt` does not hold the weights of its policy.
+        TypeError: If a value of the configuration has the wrong type.
+    """
+    check_finished(run_dir)
+    config = load(run_dir / "config.yaml")
+    arguments, policy = load_policy(run_dir, env)
+    return dataclasses.replace(config, env=arguments), policy
 
 
 def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None) -> dict[str, Any]:

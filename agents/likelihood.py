@@ -24,18 +24,17 @@ random. If no shot scores, or those that score end the episode, a new episode be
 
 from __future__ import annotations
 
-import io
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from agents.config import Config
+from agents.learner import Learner, Setting, Training, rates, up_to, whole
 from agents.ppo import make_policy, make_vector, training_seed
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.envs.goal_observations import ACHIEVED, CONDITION
@@ -44,7 +43,10 @@ from billiards_env.players.strategies import hits
 from billiards_env.sb3.aim_network import Mixture
 from billiards_env.sb3.aim_policy import AimPolicy
 from billiards_env.sb3.weights import whole_archive
-from billiards_env.support.files import write_atomically
+from billiards_env.support.files import replacing
+
+if TYPE_CHECKING:
+    from agents.config import Config  # which imports the learners
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -74,21 +76,16 @@ class Labels(NamedTuple):
     weights: Tensor
 
 
-class Learner:
-    """A policy in training. What follows a call of `restart` depends only on the settings and on what `save` writes.
-
-    Attributes:
-        policy: The policy.
-        shots: The number of shots so far.
-    """
+class LikelihoodTraining(Training):
+    """A training by likelihood, see the module."""
 
     def __init__(self, config: Config) -> None:
         torch.manual_seed(config.seed)
         policy: Any = make_policy(config)
-        self.policy: AimPolicy = policy
+        self.policy: AimPolicy = policy  # pyright: ignore[reportIncompatibleVariableOverride]
         self.policy.set_training_mode(False)
         self.policy.end_schedules()
-        self.shots, self._config, self._settings = 0, config, config.likelihood
+        self._config, self._settings = config, config.settings
         self._has_goal, self._goes_on = config.env["goal_radius"] is not None, config.env["max_shots"] > 1
         if self._has_goal and not set(self.policy.observe) <= {"positions", "goal"}:
             raise ValueError(
@@ -103,6 +100,9 @@ class Learner:
         self._optimizers = [torch.optim.Adam(parameters, eps=1e-5, fused=True) for _ in range(2)]
         self._rng = np.random.default_rng(config.seed)
         self._kept: deque[tuple[Seen, Labels]] = deque(maxlen=_KEPT)
+        # A shot from each layout compiles the engine, so that this is no part of the time of the training.
+        self._envs.reset(seed=0)
+        self._envs.try_actions(random_hits(self._envs, self.policy, 1, self._rng)[:, 0], noise=self._rng)
 
     def restart(self) -> None:
         """Seeds all random generators and begins new episodes."""
@@ -113,11 +113,6 @@ class Learner:
         self._kept.clear()
         self._envs.reset(seed=seed)
         self._over[:] = True
-
-    def compile(self) -> None:
-        """Plays a shot from each layout, so that compiling the engine is no part of the time of the training."""
-        self._envs.reset(seed=0)
-        self._envs.try_actions(random_hits(self._envs, self.policy, 1, self._rng)[:, 0], noise=self._rng)
 
     def update(self) -> float:
         """Plays shots, learns from them, and returns the share of the policy's own shots that score."""
@@ -197,7 +192,7 @@ class Learner:
 
     def _go_on(self, outcomes: Outcomes, scored: Bools) -> None:
         """Sets each environment to the state after one of its shots that score and do not end the episode."""
-        over = outcomes.states["over"].reshape(scored.shape)
+        over = outcomes.terminated.reshape(scored.shape)
         chances = self._rng.random(scored.shape) * (scored & ~over)
         chosen = np.arange(len(scored)) * scored.shape[1] + chances.argmax(1)
         self._over = chances.flatten()[chosen] == 0
@@ -232,13 +227,12 @@ class Learner:
 
     def save(self, path: Path) -> None:
         """Writes a checkpoint."""
-        buffer, optimizers = io.BytesIO(), [optimizer.state_dict() for optimizer in self._optimizers]
-        torch.save({"policy": self.policy.state_dict(), "optimizers": optimizers}, buffer)
-        path.parent.mkdir(exist_ok=True)
-        write_atomically(path, buffer.getvalue())
+        optimizers = [optimizer.state_dict() for optimizer in self._optimizers]
+        with replacing(path) as temporary:
+            torch.save({"policy": self.policy.state_dict(), "optimizers": optimizers}, temporary)
 
     def load(self, path: Path) -> None:
-        """Reads a checkpoint, whose name is the number of shots. Raises a ValueError if it is damaged."""
+        """Reads a checkpoint."""
         with whole_archive(path, "a checkpoint of these settings") as file:
             state = torch.load(file, map_location="cpu", weights_only=True)
             self.policy.load_state_dict(state["policy"])
@@ -295,3 +289,30 @@ def _with_gradient(mixture: Mixture, std: Tensor) -> Mixture:
     """Returns a mixture with the gradient of its standard deviations, those of `AimNetwork.std`."""
     along, across, tip = std / std.detach()
     return mixture._replace(along=along * mixture.along, across=across * mixture.across, tip_std=tip * mixture.tip_std)
+
+
+def _check(config: Config) -> None:
+    one_shot = 1 if config.env["goal_radius"] is not None else config.env["max_shots"]
+    needed = {"policy.head": (config.policy["head"], "aim"), "env.n_players": (config.env["n_players"], 1)}
+    for name, (value, expected) in (needed | {"env.max_shots": (config.env["max_shots"], one_shot)}).items():
+        if value != expected:
+            raise ValueError(f"{name} = {value!r}: expected {expected!r} with learner = 'likelihood'")
+    config.n_envs = config.settings["layouts"]
+
+
+_COUNTS = {"layouts": 128, "hits": 32, "own": 8, "labels": 1200, "passes": 2, "samples": 32}
+
+LEARNER = Learner(
+    {name: Setting(whole(1, 1_000_000), default) for name, default in _COUNTS.items()}
+    | {"imitation": Setting(up_to(1.0), 0.5), "learning_rate": Setting(rates, [4e-3, 4e-5])},
+    _check,
+    lambda config, run_dir: LikelihoodTraining(config),
+)
+"""The learner "likelihood". It trains the policy "aim".
+
+`layouts` is the number of layouts of an update, and `imitation` the share of all shots that the first phase plays. In
+this phase `hits` and `own` are the numbers of random hits and of actions of the policy in each layout, `labels` is the
+largest number of shots that score in a step of the optimizer, and `passes` the number of steps for each update. In the
+second phase `samples` is the number of actions of the policy in each layout. `learning_rate` has the rates of the start
+and of the end; in the second phase they are halved.
+"""

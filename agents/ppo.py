@@ -1,26 +1,33 @@
-"""Makes environments and PPO models from a configuration, and loads trained policies."""
+"""Makes environments and policies from a configuration, and trains with PPO: `learner: ppo`, the default."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
+from stable_baselines3.common.logger import configure
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
-from stable_baselines3.common.utils import set_random_seed
+from stable_baselines3.common.utils import safe_mean, set_random_seed
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.config import ENV_ID, Config, load
-from billiards_env import sb3
+from agents.learner import Learner, Setting, Training, rates, up_to, whole
 from billiards_env.bench.evaluation import FIRST_EVALUATION_SEED
+from billiards_env.sb3 import PPO_SETTINGS
 from billiards_env.sb3.vec_env import SameStepVecEnv
-from billiards_env.sb3.weights import POLICIES, build_policy, check_finished, policy_arguments
+from billiards_env.sb3.weights import POLICIES, build_policy, policy_arguments, whole_archive
+from billiards_env.support.checks import flag
+from billiards_env.support.files import replacing
+
+if TYPE_CHECKING:
+    from agents.config import Config  # which imports the learners
+
+ENV_ID = "Billiards-v0"
 
 
 def training_seed(config: Config, timesteps: int) -> int:
@@ -64,7 +71,7 @@ def make_ppo(config: Config, envs: VecEnv) -> PPO:
     return PPO(
         POLICIES[config.policy["head"]],
         envs,
-        **{**config.ppo, "learning_rate": learning_rate(config)},
+        **{**config.settings, "learning_rate": learning_rate(config)},
         policy_kwargs=policy_arguments(config.env, config.policy),
         seed=config.seed,
         stats_window_size=1000,
@@ -99,12 +106,12 @@ def make_policy(config: Config) -> ActorCriticPolicy:
         TypeError: If an argument of the environment has the wrong type.
     """
     make_env(config).close()
-    return build_policy(config.env, config.policy, learning_rate(config))
+    return build_policy(config.env, config.policy)
 
 
 def learning_rates(config: Config) -> tuple[float, float]:
     """Returns Adam's step size at the start and at the end."""
-    rate = config.ppo.get("learning_rate", 3e-4)
+    rate = config.settings.get("learning_rate", 3e-4)
     first, last = rate if isinstance(rate, list) else (rate, rate)
     return first, last
 
@@ -120,23 +127,85 @@ def deterministic(policy: BasePolicy) -> Callable[[NDArray[np.float32]], NDArray
     return lambda observations: policy.predict(observations, deterministic=True)[0]
 
 
-def load_run(run_dir: Path, env: Mapping[str, Any] | None = None) -> tuple[Config, BasePolicy]:
-    """Returns the configuration and the trained policy of a run.
+class PPOTraining(Training):
+    """A training with PPO of Stable-Baselines3. `finish` also writes `model.zip`."""
 
-    Args:
-        run_dir: The folder of the run.
-        env: Arguments of `gym.make("Billiards-v0", ...)` that replace those of the run.
+    def __init__(self, config: Config, run_dir: Path) -> None:
+        self._config, self._updates, self._envs = config, 0, make_vec_env(config)
+        self.model = make_ppo(config, self._envs)
+        self.policy = self.model.policy
+        self.model.set_logger(configure(str(run_dir / "tensorboard"), ["tensorboard"]))
+        # A first shot compiles the engine, so that this is no part of the time of the training.
+        self._envs.reset()
+        self._envs.step(np.zeros((config.n_envs, *(self._envs.action_space.shape or ()))))
+        _, self._callback = self.model._setup_learn(config.timesteps)
 
-    Returns:
-        The configuration, and the policy. `policy.predict` returns actions for `make_env(config)`.
+    def restart(self) -> None:
+        """Seeds all random generators and begins new episodes. Unfinished episodes are dropped."""
+        restart(self.model, self._config, self.shots)
 
-    Raises:
-        FileNotFoundError: If the folder holds no finished run.
-        OSError: If a file cannot be read.
-        ValueError: If the configuration is invalid, or `policy.pt` does not hold the weights of its policy.
-        TypeError: If a value of the configuration has the wrong type.
-    """
-    check_finished(run_dir)
-    config = load(run_dir / "config.yaml")
-    arguments, policy = sb3.load_policy(run_dir, env)
-    return dataclasses.replace(config, env=arguments), policy
+    def update(self) -> float:
+        """Plays and learns from `n_steps` shots of each environment, as `PPO.learn` does."""
+        model: Any = self.model
+        model.collect_rollouts(model.env, self._callback, model.rollout_buffer, model.n_steps)
+        self.shots, self._updates = model.num_timesteps, self._updates + 1
+        model._update_current_progress_remaining(self.shots, self._config.timesteps)
+        model.dump_logs(self._updates)
+        model.train()
+        return float(safe_mean(model.ep_success_buffer)) if model.ep_success_buffer else 0.0
+
+    def save(self, path: Path) -> None:
+        """Writes the model."""
+        with replacing(path) as temporary:
+            self.model.save(temporary)
+
+    def load(self, path: Path) -> None:
+        """Reads the weights and the number of steps of a model. Nothing else is read, so no code runs."""
+        with whole_archive(path, "a checkpoint of these settings") as file:
+            self.model.set_parameters(cast(Any, file), device="cpu")
+        self.shots = self.model.num_timesteps = self.model._num_timesteps_at_start = int(path.stem)
+
+    def finish(self, run_dir: Path) -> None:
+        """Writes `model.zip` and `policy.pt`."""
+        self.save(run_dir / "model.zip")
+        super().finish(run_dir)
+
+    def close(self) -> None:
+        """Closes the environments."""
+        self._envs.close()
+
+
+def _check(config: Config) -> None:
+    if config.policy["head"] == "aim":
+        config.settings = {**AIM_PPO, **config.settings}
+    rollout, batch = config.n_envs * config.settings.get("n_steps", 2048), config.settings.get("batch_size", 64)
+    if rollout % min(batch, rollout):
+        raise ValueError(f"ppo.batch_size = {batch}: expected a divisor of n_envs * ppo.n_steps = {rollout}")
+
+
+def _limit(name: str, value: Any) -> float | None:
+    """Checks a number, or None for no limit."""
+    return None if value is None else up_to(1e6)(name, value)
+
+
+def _rate(name: str, value: Any) -> Any:
+    """Checks a learning rate, or those of the start and of the end."""
+    return (rates if isinstance(value, list) else up_to(1.0))(name, value)
+
+
+LEARNER = Learner(
+    {name: Setting(whole(1)) for name in ("n_steps", "batch_size", "n_epochs")}
+    | {name: Setting(up_to(1.0)) for name in ("gamma", "gae_lambda")}
+    | {name: Setting(up_to(1e6)) for name in ("clip_range", "ent_coef", "vf_coef", "max_grad_norm")}
+    | {name: Setting(_limit) for name in ("clip_range_vf", "target_kl")}
+    | {"learning_rate": Setting(_rate), "normalize_advantage": Setting(flag)},
+    _check,
+    PPOTraining,
+)
+"""The learner "ppo". Its settings are arguments of `stable_baselines3.PPO`, which has their defaults.
+
+A pair of learning rates has the rate of the start and of the end. With the policy "aim" the defaults are `AIM_PPO`.
+"""
+
+AIM_PPO = {key: PPO_SETTINGS[key] for key in PPO_SETTINGS if key in LEARNER.settings} | {"learning_rate": [2e-3, 2e-5]}
+"""The defaults with the policy "aim": `PPO_SETTINGS` as plain data."""

@@ -20,29 +20,24 @@ import importlib.metadata
 import io
 import platform
 import shutil
-import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple
 
-import numpy as np
 import torch
 from filelock import FileLock
-from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import configure
 from stable_baselines3.common.policies import BasePolicy
-from stable_baselines3.common.utils import safe_mean
 
 import billiards_env
 from agents.config import Config, load
-from agents.likelihood import Learner
-from agents.ppo import deterministic, make_policy, make_ppo, make_vec_env, make_vector, restart
+from agents.learner import Training
+from agents.learners import LEARNERS
+from agents.ppo import deterministic, make_policy, make_vector
 from billiards_env.bench.evaluation import evaluation_seeds, play_together
-from billiards_env.sb3.weights import load_weights, save_policy, whole_archive
-from billiards_env.support.checks import number
-from billiards_env.support.commands import Parser, ending
+from billiards_env.commands import Parser, ending
+from billiards_env.sb3.weights import load_weights
+from billiards_env.support.checks import Range, entry_of, integer, number, real, result_of
 from billiards_env.support.files import read_text, refusing, write_atomically, write_json
 
 # The files and folders of a run, without config.yaml. A folder with a config.yaml is the folder of a run.
@@ -77,7 +72,8 @@ def open_run(config: Config, run_dir: Path, fresh: bool = False) -> None:
     with locked(run_dir):
         if saved.exists() and not fresh:
             old, new = load(saved).to_dict(), config.to_dict()
-            if changed := [f"{name} is {old[name]!r}, not {new[name]!r}" for name in old if old[name] != new[name]]:
+            pairs = {name: (old.get(name), new.get(name)) for name in old | new}
+            if changed := [f"{name} is {was!r}, not {now!r}" for name, (was, now) in pairs.items() if was != now]:
                 raise ValueError(
                     f"run_dir = {str(run_dir)!r}: expected a run of the same settings, but {'; '.join(changed)}. "
                     "--run-dir chooses another folder, --fresh starts again"
@@ -96,12 +92,13 @@ def locked(run_dir: Path) -> FileLock:
     return FileLock(run_dir / _LOCK, timeout=0)
 
 
-def train(config: Config, run_dir: Path) -> None:
+def train(config: Config, run_dir: Path, make: Callable[[Config, Path], Training] | None = None) -> None:
     """Trains a configuration, from the newest checkpoint if there is one. Does nothing if the run is finished.
 
     Args:
         config: The configuration.
         run_dir: The folder of the run, prepared by `open_run`.
+        make: Makes the training; None for that of the learner of the configuration.
 
     Raises:
         OSError: If another process trains in the folder.
@@ -110,53 +107,28 @@ def train(config: Config, run_dir: Path) -> None:
     if (run_dir / "policy.pt").exists():
         print(f"{run_dir} is trained already ({config.timesteps:,} shots); --fresh starts again")
         return
-    with locked(run_dir), one_fast_thread():
-        (_learn if config.learner == "likelihood" else _train_ppo)(config, run_dir)
-
-
-def _learn(config: Config, run_dir: Path) -> None:
-    """Trains by likelihood. Each checkpoint seeds the generators, so a resumed run ends with the same weights."""
-    learner = Learner(config)
-    if (checkpoint := newest_checkpoint(run_dir)) is not None:
-        with _damaged():
-            learner.load(checkpoint)
-    elif config.start_from is not None:
-        start_from(learner.policy, config.start_from)
-    print(f"{run_dir}: {learner.shots:,} of {config.timesteps:,} shots")
-    learner.compile()
-    learner.restart()
-    rate = 0.0
-    with closing(LearningCurve(config, run_dir, learner.shots)) as curve:
-        while True:
-            curve.measure(learner.policy, learner.shots, rate)
-            if learner.shots >= config.timesteps:
-                break
-            goal = (learner.shots // config.checkpoint_every + 1) * config.checkpoint_every
-            while learner.shots < min(goal, config.timesteps):
-                rate = learner.update()
-            learner.save(run_dir / "checkpoints" / f"{learner.shots:09d}.zip")
-            learner.restart()
-    save_policy(learner.policy, run_dir / "policy.pt")
-
-
-def _train_ppo(config: Config, run_dir: Path) -> None:
-    with closing(make_vec_env(config)) as envs:
-        model = make_ppo(config, envs)
-        model.set_logger(configure(str(run_dir / "tensorboard"), ["tensorboard"]))
+    what, make = f"learner {config.learner!r}", make or entry_of("learner", config.learner, LEARNERS).make
+    with locked(run_dir), one_fast_thread(), closing(result_of(what, Training, make, config, run_dir)) as training:
         if (checkpoint := newest_checkpoint(run_dir)) is not None:
-            _resume(model, checkpoint)
+            with _damaged():
+                training.load(checkpoint)
         elif config.start_from is not None:
-            start_from(model.policy, config.start_from)
-        print(f"{run_dir}: {model.num_timesteps:,} of {config.timesteps:,} shots")
-        # A first shot compiles the engine, so that this is no part of the time of the training.
-        envs.reset()
-        envs.step(np.zeros((config.n_envs, *(envs.action_space.shape or ()))))
-        with closing(LearningCurve(config, run_dir, model.num_timesteps)) as curve:
-            callback = _Callback(curve)
-            model.learn(max(config.timesteps - model.num_timesteps, 0), callback, reset_num_timesteps=False)
-            callback.measure()
-        _save(model, run_dir / "model.zip")
-        save_policy(model.policy, run_dir / "policy.pt")
+            start_from(training.policy, config.start_from)
+        print(f"{run_dir}: {training.shots:,} of {config.timesteps:,} shots")
+        with closing(LearningCurve(config, run_dir, training.shots, training.clock)) as curve:
+            curve.measure(training.policy, training.shots, 0.0)
+            while training.shots < config.timesteps:
+                training.restart()
+                rate, interval = 0.0, config.checkpoint_every
+                goal = min((training.shots // interval + 1) * interval, config.timesteps)
+                while (before := training.shots) < goal:
+                    rate = real("training_success", training.update(), Range(0.0, 1.0))
+                    training.shots = integer("shots", training.shots, Range(before + 1, None))
+                if training.shots < config.timesteps:
+                    (run_dir / "checkpoints").mkdir(exist_ok=True)
+                    training.save(run_dir / "checkpoints" / f"{training.shots:09d}.zip")
+                curve.measure(training.policy, training.shots, rate)
+        training.finish(run_dir)
 
 
 @contextmanager
@@ -171,13 +143,6 @@ def one_fast_thread() -> Iterator[None]:
         yield
     finally:
         torch.set_flush_denormal(False)
-
-
-def _resume(model: PPO, checkpoint: Path) -> None:
-    """Reads the weights and the number of steps of a checkpoint. Nothing else is read, so no code runs."""
-    with _damaged(), whole_archive(checkpoint, "a checkpoint of these settings") as file:
-        model.set_parameters(cast(Any, file), device="cpu")
-    model.num_timesteps = int(checkpoint.stem)
 
 
 @contextmanager
@@ -252,9 +217,7 @@ class LearningCurve:
         clock: Measures the time of the training, s.
     """
 
-    def __init__(
-        self, config: Config, run_dir: Path, steps: int, clock: Callable[[], float] = time.process_time
-    ) -> None:
+    def __init__(self, config: Config, run_dir: Path, steps: int, clock: Callable[[], float]) -> None:
         self.config, self.run_dir, self.clock = config, run_dir, clock
         self.points = [point for point in learning_curve(run_dir) if point.steps <= steps]
         self._envs = make_vector(config, config.evaluation_episodes)
@@ -292,40 +255,6 @@ def versions() -> dict[str, str]:
         "billiards_env": billiards_env.__version__,
         **{name: importlib.metadata.version(name) for name in _PACKAGES},
     }
-
-
-class _Callback(BaseCallback):
-    """Measures the learning curve, saves checkpoints and seeds the training after them."""
-
-    def __init__(self, curve: LearningCurve) -> None:
-        super().__init__()
-        self.curve, self.next_checkpoint = curve, 0
-
-    def measure(self) -> None:
-        """Adds a point to the learning curve, without a change to the random generators of the training."""
-        successes = cast(PPO, self.model).ep_success_buffer
-        self.curve.measure(self.model.policy, self.num_timesteps, safe_mean(successes) if successes else 0.0)
-
-    def _on_rollout_start(self) -> None:
-        if self.num_timesteps < self.next_checkpoint:
-            return
-        self.measure()
-        if self.next_checkpoint:
-            _save(cast(PPO, self.model), self.curve.run_dir / "checkpoints" / f"{self.num_timesteps:09d}.zip")
-        interval = self.curve.config.checkpoint_every
-        self.next_checkpoint = (self.num_timesteps // interval + 1) * interval
-        # Unfinished episodes are dropped.
-        restart(cast(PPO, self.model), self.curve.config, self.num_timesteps)
-
-    def _on_step(self) -> bool:
-        return True
-
-
-def _save(model: PPO, path: Path) -> None:
-    buffer = io.BytesIO()
-    model.save(buffer)
-    path.parent.mkdir(exist_ok=True)
-    write_atomically(path, buffer.getvalue())
 
 
 def train_command(

@@ -21,19 +21,21 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from multiprocessing.context import BaseContext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from tqdm import tqdm
 
 from benchmarks.scenes import SCENES
+from billiards_env.commands import Job, Parser, all_jobs, ending
 from billiards_env.scene import register_scene
 from billiards_env.support.checks import Range, integer
-from billiards_env.support.commands import Job, Parser, all_jobs, ending
 from billiards_env.support.files import check_path, write_atomically, write_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from PIL.Image import Image
+
+T = TypeVar("T")
 
 for _name, _scene in SCENES.items():
     register_scene(_name, _scene)
@@ -176,7 +178,8 @@ def run_command(
 ) -> Any:
     """Runs a command that measures: it writes a JSON file, prints blocks, draws pictures, and returns the results.
 
-    If jobs fail, it writes and prints the results of the others, and then ends with the errors.
+    If jobs fail, it writes and prints the results of the others, and then ends with the errors. If all fail, or the
+    results are {}, it writes nothing.
 
     Args:
         command: The module of the command, such as "benchmarks.speed".
@@ -199,14 +202,15 @@ def run_command(
         with all_jobs() as job:
             values = {option: getattr(args, option) for option in options}
             result = measure(**values, **({"job": job} if jobs else {}))
-            report(result, blocks, args.output)
+            if result != {} and not job.have_all_failed:
+                report(result, blocks, args.output)
         if draw is not None:
             draw(result, args.images)
     return result
 
 
 def check_output(path: Path) -> None:
-    """Checks before a measurement that a file can be written after it, and creates its folder.
+    """Creates the folder of a file and checks that the file can be written. Call it before a long measurement.
 
     Raises:
         OSError: If the file cannot be written.
@@ -282,6 +286,20 @@ def run_kinds(
                 result = future.result()
                 by_kind.setdefault(kind, []).append(result)
     return by_kind
+
+
+def in_turns(calls: Mapping[str, Callable[[], T]], passes: int, job: Job) -> dict[str, list[T]]:
+    """Returns the results of calls by name, one of each pass. The calls take turns.
+
+    Each call is a job. A call that fails is not repeated and has no entry.
+    """
+    results: dict[str, list[T]] = {name: [] for name in calls}
+    for k in range(passes):
+        for name, call in calls.items():
+            if len(results[name]) == k:  # it has not failed
+                with job(name):
+                    results[name].append(call())
+    return {name: values for name, values in results.items() if len(values) == passes}
 
 
 def _cpu_model() -> str:

@@ -7,6 +7,7 @@ machine affects all of them equally. A row is compared with the row of the same 
 
 from __future__ import annotations
 
+import functools
 import os
 import statistics
 import sys
@@ -16,7 +17,8 @@ from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks import ROOT, machine, ratio, run_command, table, worker
+from benchmarks import ROOT, in_turns, machine, ratio, run_command, table, worker
+from billiards_env.commands import Job
 
 SHOTS = 1000  # in a pass
 
@@ -56,7 +58,7 @@ def _steps(name: str, without: str, **arguments: Any) -> Row:
     """Returns the row of a step of the vector environment."""
     code = f"""
 import numpy as np
-from billiards_env.support.commands import ending
+from billiards_env.commands import ending
 import billiards_env
 envs = gymnasium.make_vec("Billiards-v0", num_envs={SHOTS}, threads=1, **{arguments!r})
 envs.reset(seed=0)
@@ -120,26 +122,24 @@ def started(row: Row, cache: str | Path) -> AbstractContextManager[Callable[...,
     return worker(row.name, [sys.executable, "-c", _SERVE.format(code=row.code)], cwd=ROOT, env=environment)
 
 
-def measure(repeats: int, rows: tuple[Row, ...] = ROWS) -> dict[str, Any]:
+def measure(repeats: int, job: Job, rows: tuple[Row, ...] = ROWS) -> dict[str, Any]:
     """Starts the process of each row, one after the other, and plays `repeats` passes in turn.
 
     Returns:
         `rows`: a list with one entry for each row: its `name`, the name of the row `without` it, the `seconds` of its
         start and of its first pass, which compiles, the `modules` and `functions` of the package that it imports and
-        compiles, and `passes`, the durations of the later passes, s.
+        compiles, and `passes`, the durations of the later passes, s. Each row is a job.
     """
     on = machine()
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory())
-        asks, starts = [], []
+        calls, starts = dict[str, Callable[[], float]](), dict[str, dict[str, Any]]()
         for k, row in enumerate(rows):
-            asks.append(stack.enter_context(started(row, Path(folder) / str(k))))
-            starts.append(asks[-1]())
-        passes = [[ask("play") for ask in asks] for _ in range(repeats)]
-        entries = [
-            {"name": row.name, "without": row.without, **start, "passes": rates}
-            for row, start, *rates in zip(rows, starts, *passes, strict=True)
-        ]
+            with job(row.name):
+                ask = stack.enter_context(started(row, Path(folder) / str(k)))
+                starts[row.name] = {"name": row.name, "without": row.without, **ask()}
+                calls[row.name] = functools.partial(ask, "play")
+        entries = [{**starts[name], "passes": passes} for name, passes in in_turns(calls, repeats, job).items()]
     return {"machine": on, "shots": SHOTS, "repeats": repeats, "rows": entries}
 
 
@@ -150,7 +150,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         us, compiling = 1e6 * statistics.median(row["passes"]) / result["shots"], row["seconds"]["compile"]
         times, slower, counts = "", "", [f"{len(row[key])}" for key in ("functions", "modules")]
         if row["without"]:
-            other = by_name[row["without"]]
+            counts = ["", ""]
+        if other := by_name.get(row["without"]):
             times = ratio(statistics.median(a / b for a, b in zip(row["passes"], other["passes"], strict=True)))
             slower = ratio(compiling / other["seconds"]["compile"])
             counts = [f"+{len(set(row[key]) - set(other[key]))}" for key in ("functions", "modules")]
@@ -167,7 +168,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.ablation --help`."""
     about, repeats = "Measure what the parts of a scene cost.", (31, "number of passes")
-    run_command("benchmarks.ablation", about, arguments, measure, blocks, {"repeats": repeats})
+    run_command("benchmarks.ablation", about, arguments, measure, blocks, {"repeats": repeats}, jobs=True)
 
 
 if __name__ == "__main__":

@@ -22,11 +22,11 @@ from tqdm import tqdm
 from benchmarks import accuracy_report, error_limit, machine, run_command, run_kinds, workers
 from benchmarks.accuracy_report import blocks, draw
 from benchmarks.reference.oracle import OracleError, reference_shot
+from billiards_env.commands import Job
 from billiards_env.engine import PIC, Engine
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate, simulate_batch
 from billiards_env.support.checks import Range, integer
-from billiards_env.support.commands import Job
 
 Floats = NDArray[np.float64]
 
@@ -227,7 +227,7 @@ def measure(shots: int, outcomes: int, passes: int, workers: int, job: Job) -> d
                 "pic_outcome_as_oracle": sum(ends),
                 "methods": rows_per_engine(errors, seconds[name], wrong),
             }
-    return {"machine": on, "shots": shots, "passes": passes, "scenes": scenes}
+    return {"machine": on, "shots": shots, "passes": passes, "scenes": scenes} if scenes else {}
 
 
 def main(arguments: list[str] | None = None) -> None:

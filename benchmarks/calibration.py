@@ -14,10 +14,10 @@ import numpy as np
 from benchmarks import machine, run_command, run_kinds, table, workers
 from billiards_env.calibration.calibrate import calibrate
 from billiards_env.calibration.tracks import Track, observed
+from billiards_env.commands import Job
+from billiards_env.intervals import success_rate
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate
-from billiards_env.support.commands import Job
-from billiards_env.support.intervals import success_rate
 
 SCENE, NOISE, SHOTS, FRAMES = "real_carom", 0.002, 16, 1 / 30 * np.arange(75)
 NUMBERS = ("mu_slide", "mu_roll", "e_ball", "e_cushion", "mu_cushion", "mu_ball_factor")

@@ -30,9 +30,9 @@ from benchmarks import error_limit, machine, machine_line, metres, ratio, result
 from benchmarks.reference.oracle import OracleError, reference_shot
 from benchmarks.simulators import Floats, Outcome, Runner
 from benchmarks.speed import rounded
+from billiards_env.commands import Job
 from billiards_env.scene import Scene
 from billiards_env.shots.simulation import simulate
-from billiards_env.support.commands import Job
 
 LAWS = {"friction and spin": "pooltool_carom", "throw and jaws": "pooltool_pool", "elastic disks": "ideal"}
 """The scene of each comparison."""
@@ -136,7 +136,7 @@ def measure(shots: int, passes: int, job: Job) -> dict[str, Any]:
                 for k, (name, method, _) in enumerate(group):
                     row = {"laws": laws, "simulator": name, "method": method}
                     result["rows"].append({**row, **{kind: column[k] for kind, column in columns.items()}})
-    return result
+    return result if result["rows"] else {}
 
 
 def compare(laws: str, kind: str, runners: Sequence[Runner], count: int, passes: int) -> list[dict[str, Any]]:

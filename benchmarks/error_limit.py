@@ -23,10 +23,10 @@ from numpy.typing import NDArray
 from benchmarks import machine, new_figure, rows_table, run_command, run_kinds, save, workers
 from benchmarks.reference.oracle import OracleError, reference_shot
 from billiards_env import derivatives
+from billiards_env.commands import Job
 from billiards_env.derivatives.shot_derivatives import UNIT_ROUNDOFF
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate
-from billiards_env.support.commands import Job
 
 Floats = NDArray[np.float64]
 Draw: TypeAlias = Callable[[Scene, np.random.Generator], tuple[Floats, Floats]]

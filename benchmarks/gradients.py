@@ -10,16 +10,18 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import machine, new_figure, run_command, save, table
+from benchmarks import in_turns, machine, new_figure, run_command, save, table
 from benchmarks.accuracy_report import PIT_STYLES
 from benchmarks.speed import Case, breaks, quartiles, random_shots, seconds
 from billiards_env import derivatives
+from billiards_env.commands import Job
 from billiards_env.engine import PIC, Engine
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Balls, Physics, Scene, layouts
@@ -64,25 +66,26 @@ def cases(scale: float = 1.0) -> list[Case]:
     ]
 
 
-def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
+def measure(repeats: int, job: Job, scale: float = 1.0) -> dict[str, Any]:
     """Runs all measurements `repeats` times.
 
     Args:
         repeats: Number of passes over the cases.
+        job: Runs the jobs: each case, the choice of the shots, and each engine.
         scale: Factor on the number of shots in a pass.
 
     Returns:
         `cases`: a list with one entry per case; and what `errors` returns.
     """
-    on, all_cases, rows = machine(), cases(scale), []
-    passes = np.array([[time_parts(case) for case in all_cases] for _ in range(repeats + 1)])[1:]  # the first compiles
-    for k, case in enumerate(all_cases):
-        plain, *parts = passes[:, k].T
+    on, all_cases, rows = machine(), {case.name: case for case in cases(scale)}, []
+    calls = {name: functools.partial(time_parts, case) for name, case in all_cases.items()}
+    for name, passes in in_turns(calls, repeats + 1, job).items():
+        plain, *parts = np.transpose(passes[1:])  # the first compiles
         record, jvp, vjp = (part / plain for part in parts)
         ratios = zip(PARTS, (record, jvp, vjp, record + jvp, record + vjp), strict=True)
-        us = 1e6 * float(np.median(plain)) / len(case.positions)
-        rows.append({"case": case.name, "us_per_shot": us, "ratios": {name: quartiles(row) for name, row in ratios}})
-    return {"machine": on, "repeats": repeats, "cases": rows, **errors()}
+        us = 1e6 * float(np.median(plain)) / len(all_cases[name].positions)
+        rows.append({"case": name, "us_per_shot": us, "ratios": {part: quartiles(row) for part, row in ratios}})
+    return {"machine": on, "repeats": repeats, "cases": rows, **errors(job)}
 
 
 def time_parts(case: Case) -> list[float]:
@@ -196,12 +199,16 @@ def errors_of(shots: SceneShots, engine: Engine) -> dict[str, float]:
     return {name: float(np.median(values)) for name, values in relative.items()}
 
 
-def errors() -> dict[str, Any]:
+def errors(job: Job) -> dict[str, Any]:
     """Returns `steps` and `fixes`; `chosen`, see `choose`; and `errors`, see `errors_of`, by "exact" and by engine."""
-    chosen = choose()
-    shots = draw_shots().part(chosen["numbers"])
-    medians = {name: errors_of(shots, engine) for name, engine in {"exact": PIC, **ENGINES}.items()}
-    return {"steps": STEPS, "fixes": FIXES, "chosen": chosen, "errors": medians}
+    result: dict[str, Any] = {"steps": STEPS, "fixes": FIXES, "errors": {}}
+    with job("choice of the shots"):
+        chosen = choose()
+        shots, result["chosen"] = draw_shots().part(chosen["numbers"]), chosen
+        for name, engine in {"exact": PIC, **ENGINES}.items():
+            with job(name):
+                result["errors"][name] = errors_of(shots, engine)
+    return result
 
 
 def percent(share: float) -> str:
@@ -215,25 +222,34 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         (row["case"], f"{row['us_per_shot']:.1f}", *(f"{row['ratios'][name]['median']:.2f}" for name in PARTS))
         for row in result["cases"]
     ]
+    cost = {
+        "how": f"One core; medians of {result['repeats']} interleaved passes. The other columns are times "
+        "divided by the time of the plain batch.",
+        "cost": table(("shots", "us/shot", *PARTS), costs),
+    }
+    return cost | (_errors(result) if "chosen" in result else {})
+
+
+def _errors(result: dict[str, Any]) -> dict[str, str]:
+    """Returns the blocks of the errors. Those of an engine that failed are empty."""
     steps, chosen, errors = result["steps"], result["chosen"], result["errors"]
+
+    def cell(name: str, error: str) -> str:
+        value = errors.get(name, {}).get(error)
+        return "" if value is None else f"{value:.1e} m" if error == "position" else percent(value)
+
     dts = [f"1/{n} s" for n in steps]
     ends, shown = (dts[0], dts[-1]), (dts[0], dts[len(dts) // 2], dts[-1])
     rows = []
     for fix in result["fixes"]:
-        at = {dt: errors[f"{fix} {dt}"] for dt in dts}
-        positions = (f"{at[dt]['position']:.1e} m" for dt in ends)
-        small, large = (percent(at[dt]["small"]) for dt in shown), (percent(at[dt]["large"]) for dt in ends)
-        rows.append((f"`{fix}`", *positions, *small, *large))
-    rows.append(
-        ("exact engine", "", "", percent(errors["exact"]["small"]), "", "", percent(errors["exact"]["large"]), "")
-    )
+        columns = {"position": ends, "small": shown, "large": ends}
+        cells = (cell(f"{fix} {dt}", error) for error, at in columns.items() for dt in at)
+        rows.append((f"`{fix}`", *cells))
+    rows.append(("exact engine", "", "", cell("exact", "small"), "", "", cell("exact", "large"), ""))
     columns = (("position", ends), ("derivative", shown), ("over 2 mm/s", ends))
     head = ("fix", *(f"{name}, {dt}" for name, at in columns for dt in at))
     other = (f"{percent(chosen['other'][f'time_of_impact {dt}'])} (timestep {dt})" for dt in dts)
     return {
-        "how": f"One core; medians of {result['repeats']} interleaved passes. The other columns are times "
-        "divided by the time of the plain batch.",
-        "cost": table(("shots", "us/shot", *PARTS), costs),
         "errors": table(head, rows),
         "contacts": f"Shots in which `time_of_impact` makes other contacts: {', '.join(other)}.",
         "shots": f"{len(chosen['numbers'])} of {chosen['smooth']:,} smooth shots are compared: those with the same "
@@ -301,7 +317,7 @@ def draw_reason(path: Path) -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.gradients --help`."""
     about, repeats = "Measure the cost of derivatives, and their errors through a timestep.", (11, "number of passes")
-    run_command("benchmarks.gradients", about, arguments, measure, blocks, {"repeats": repeats}, draw)
+    run_command("benchmarks.gradients", about, arguments, measure, blocks, {"repeats": repeats}, draw, jobs=True)
 
 
 if __name__ == "__main__":

@@ -25,11 +25,11 @@ from billiards_env.calibration.judge import CONTACTS, Judged, judge, together
 from billiards_env.calibration.preparation import INSTANT, prepare
 from billiards_env.calibration.report import drawn
 from billiards_env.calibration.starts import search
+from billiards_env.commands import Job, all_jobs, ending
 from billiards_env.drawing.tracks import draw_fit
 from billiards_env.scene import Scene
 from billiards_env.shots.noise import SCATTER
 from billiards_env.shots.simulation import simulate
-from billiards_env.support.commands import ending
 
 PARTS = 5
 
@@ -67,25 +67,21 @@ def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def measure(scene: Scene, tracks: list[Track], others: list[Track] | None) -> dict[str, Any]:
-    """Fits and judges, and returns the figures."""
+def measure(scene: Scene, tracks: list[Track], others: list[Track] | None, job: Job) -> dict[str, Any]:
+    """Fits and judges, and returns the figures. The judgement and the growth of the errors are jobs."""
     start = time.process_time()
     result = fit(scene, tracks)
     own = result.judged.to_dict()
     seconds = time.process_time() - start
-    if others is not None:
-        judged = result.judge(others)
-    else:
-        parts = np.arange(len(tracks)) % PARTS
-        each: list[Judged] = []
-        for part in range(PARTS):
-            fitted = fit(scene, [tracks[k] for k in np.flatnonzero(parts != part)])
-            each.append(fitted.judge([tracks[k] for k in np.flatnonzero(parts == part)]))
-        judged = together(each)
+    judged, grown = None, {}
+    with job("judgement"):
+        judged = cross_validated(scene, tracks) if others is None else result.judge(others)
+    with job("growth of the errors"):
+        grown = growth(result)
     return {
         "machine": machine(),
         "shots": len(tracks),
-        "judged_shots": judged.shots,
+        "judged_shots": 0 if judged is None else judged.shots,
         "parts": 1 if others is not None else PARTS,
         "seconds": seconds,
         "frame": result.frame._asdict(),
@@ -94,11 +90,20 @@ def measure(scene: Scene, tracks: list[Track], others: list[Track] | None) -> di
         "kept": result.kept,
         "intervals_95": {name: list(ends) for name, ends in result.intervals.items()},
         "fitted": own,
-        "judged": judged.to_dict(),
-        "medians_mm": [1e3 * judged.median(k) for k in CONTACTS],
+        "judged": {} if judged is None else judged.to_dict(),
+        "medians_mm": [] if judged is None else [1e3 * judged.median(k) for k in CONTACTS],
         "scatter": None if result.scatter is None else result.scatter._asdict(),
-        "growth": growth(result),
+        "growth": grown,
     }
+
+
+def cross_validated(scene: Scene, tracks: list[Track]) -> Judged:
+    """Returns the judgement of each fifth of the tracks, with the constants of the other four fifths."""
+    parts, each = np.arange(len(tracks)) % PARTS, list[Judged]()
+    for part in range(PARTS):
+        fitted = fit(scene, [tracks[k] for k in np.flatnonzero(parts != part)])
+        each.append(fitted.judge([tracks[k] for k in np.flatnonzero(parts == part)]))
+    return together(each)
 
 
 def judge_simulated(result: Calibration, scatter: dict[str, float] | None) -> Judged:
@@ -140,7 +145,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     rows = []
     for name, (text, form) in FIGURES.items():
-        cells = (result["judged"][name], result["fitted"][name])
+        cells = (result["judged"].get(name), result["fitted"][name])
         rows.append((text, *("-" if figure is None else form.format(figure) for figure in cells)))
     numbers = [
         (f"`{name}`", f"{value:.4g}", "{:.4g} to {:.4g}".format(*result["intervals_95"][name]))
@@ -160,12 +165,17 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     parts, shots = result["parts"], result["shots"]
     each = f", each of {parts} parts with the constants that were fitted to the others" if parts > 1 else ""
     fitted = shots - shots // parts if parts > 1 else shots
+    summary: dict[str, str] = {}
+    if judged := result["judged"]:
+        summary["summary"] = (
+            f"Until the second contact of the cue ball, {judged['rows_5mm_contact2']:.0%} of the recorded positions of "
+            f"{result['judged_shots']} shots are within 5 mm of the computed path. For each shot the constants of the "
+            f"model are fitted to {fitted} other shots. Only the start is fitted to the shot itself."
+        )
     return {
         "how": f"{shots} shots were fitted with `{result['scene']['physics']['cushion']}` cushions, in "
         f"{result['seconds']:.0f} s of processor time; {result['judged_shots']} shots were judged{each}.",
-        "summary": f"Until the second contact of the cue ball, {result['judged']['rows_5mm_contact2']:.0%} of the "
-        f"recorded positions of {result['judged_shots']} shots are within 5 mm of the computed path. For each shot the "
-        f"constants of the model are fitted to {fitted} other shots. Only the start is fitted to the shot itself.",
+        **summary,
         "judged": table(("", "judged shots", "fitted shots"), rows),
         "numbers": table(("constant", "fitted", "95% interval"), numbers + scattered),
         "growth": table(("", *(GROWTH[name] for name in result["growth"])), growing),
@@ -224,7 +234,8 @@ def main(arguments: list[str] | None = None) -> None:
         scene = dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, cushion=args.cushion))
     check_output(args.output)
     others = None if args.judge is None else read_tracks(args.judge)
-    report(measure(scene, tracks, others), blocks, args.output)
+    with all_jobs() as job:
+        report(measure(scene, tracks, others, job), blocks, args.output)
 
 
 if __name__ == "__main__":

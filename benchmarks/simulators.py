@@ -49,7 +49,7 @@ def installed() -> bool:
 
 @contextlib.contextmanager
 def runner(name: str, argument: float) -> Iterator[tuple[str, Runner]]:
-    """Yields the version of a simulator, an entry of `SIMULATORS` in the worker, and its runner."""
+    """Yields the version and the runner of a simulator. The name is that of an entry of `SIMULATORS` in the worker."""
     with worker(WORKER.name, [PYTHON, WORKER]) as ask:
 
         def run_shot(scene: Scene, positions: Floats, velocity: Floats, time: float | None) -> Outcome:

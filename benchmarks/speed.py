@@ -8,6 +8,7 @@ reported; the JSON also has the quartiles. Every case uses a fixed seed. Shots p
 from __future__ import annotations
 
 import copy
+import functools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -18,7 +19,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import machine, rows_table, run_command, table
+from benchmarks import in_turns, machine, rows_table, run_command, table
+from billiards_env.commands import Job
 from billiards_env.engine.compile import MANY_BALLS
 from billiards_env.envs.actions import cue_strike
 from billiards_env.scene import Balls, Physics, Scene, layouts
@@ -40,6 +42,9 @@ GROWTH_SECONDS = 2.0  # simulated
 LEAST_TIME = 0.2e-6
 """s. About the time in which a core computes the 1,500 results that a shot with one object ball needs."""
 
+FIRST = "pool, 1 object ball"
+"""The case whose shots also run one at a time."""
+
 Floats = NDArray[np.float64]
 
 
@@ -59,7 +64,7 @@ def cases(scale: float = 1.0) -> list[Case]:
         return max(1, round(shots * scale))
 
     return [
-        random_shots("pool, 1 object ball", Scene.named("pool", 1), count(64_000)),
+        random_shots(FIRST, Scene.named("pool", 1), count(64_000)),
         random_shots("pool, 5 object balls", Scene.named("pool", 5), count(30_000)),
         random_shots("carom, 2 object balls", Scene.named("carom", 2), count(50_000)),
         breaks("15-ball break, loose rack", "pool", "rack", count(1000)),
@@ -134,25 +139,29 @@ def batch_of(case: Case, threads: int = 1) -> BatchResult:
     return simulate_batch(case.scene, case.positions, case.velocities, threads=threads)
 
 
-def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
+def measure(repeats: int, job: Job, scale: float = 1.0) -> dict[str, Any]:
     """Runs all measurements `repeats` times; `scale` is a factor on the number of shots in a pass.
 
     Returns:
         `batch`: a list with one entry per case; `microseconds_per_call`: times of the first case's shots one at a time;
-        `growth`: a list with one entry for each of `DISKS`.
+        `growth`: a list with one entry for each of `DISKS`. Each entry is a job.
     """
-    on = machine()
-    all_cases = cases(scale)
-    outcomes = [batch_of(case) for case in all_cases]  # compiles the kernels
-    for case, outcome in zip(all_cases, outcomes, strict=True):
-        if (outcome.status == "event_limit").any():
-            raise RuntimeError(f"{case.name}: a shot reached the event limit, so its time is not valid")
-
-    passes = [[(seconds(batch_of, case), seconds(batch_of, case, 2)) for case in all_cases] for _ in range(repeats)]
-    calls = [time_calls(all_cases[0]) for _ in range(repeats)]
-    rows = []
-    for case, outcome, times in zip(all_cases, outcomes, np.moveaxis(np.array(passes), 0, 2), strict=True):
-        m, events, (one, two) = len(case.positions), int(outcome.n_events.sum()), times
+    on, rows, growth = machine(), [], []
+    all_cases, outcomes = {case.name: case for case in cases(scale)}, dict[str, BatchResult]()
+    for name, case in all_cases.items():
+        with job(name):
+            outcome = batch_of(case)  # compiles the kernels
+            if (outcome.status == "event_limit").any():
+                raise RuntimeError("a shot reached the event limit, so its time is not valid")
+            outcomes[name] = outcome
+    passes = in_turns({name: functools.partial(time_batch, all_cases[name]) for name in outcomes}, repeats, job)
+    calls = in_turns({"calls": lambda: time_calls(all_cases[FIRST])}, repeats, job).get("calls", [])
+    for n in DISKS:
+        with job(f"gas of {n:,} disks"):
+            growth.append(time_gas(n, repeats))
+    for name, times in passes.items():
+        case, outcome, (one, two) = all_cases[name], outcomes[name], np.transpose(times)
+        m, events = len(case.positions), int(outcome.n_events.sum())
         rows.append(
             {
                 "case": case.name,
@@ -172,9 +181,16 @@ def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
         "max_speed": MAX_SPEED,
         "break_speed": BREAK_SPEED,
         "batch": rows,
-        "microseconds_per_call": {name: quartiles([1e6 * t[name] for t in calls]) for name in calls[0]},
-        "growth": [time_gas(n, repeats) for n in DISKS],
+        "microseconds_per_call": {
+            name: quartiles([1e6 * t[name] for t in calls]) for name in (calls[0] if calls else ())
+        },
+        "growth": growth,
     }
+
+
+def time_batch(case: Case) -> tuple[float, float]:
+    """Returns the seconds of the shots of a case with one thread and with two."""
+    return seconds(batch_of, case), seconds(batch_of, case, 2)
 
 
 def time_gas(n: int, repeats: int) -> dict[str, float]:
@@ -250,11 +266,13 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
     for g in result["growth"]:
         per_event, per_disk = g["us_per_shot"] / g["events_per_shot"], g["us_to_begin"] / g["disks"]
         gases.append({**g, "per_event": per_event, "per_disk": per_disk, "begin": g["us_to_begin"] / 1e6})
+    rows = {row["case"]: row for row in result["batch"]}
     per_call = {name: times["median"] for name, times in result["microseconds_per_call"].items()}
     names = {"simulate_batch": "simulate_batch, per shot", "simulate": "simulate", "env_step": "env.step"}
     calls = [
         (name, f"{per_call[key]:.1f}", f"{per_call[key] - per_call['simulate_batch']:.1f}")
         for key, name in names.items()
+        if per_call
     ]
     others = {
         "env_reset": "env.reset",
@@ -262,9 +280,7 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         "without_checker": "the same with disable_env_checker=True",
         "copy_and_step": "copy.deepcopy of the unwrapped environment, and a step of the copy",
     }
-    calls += [(name, f"{per_call[key]:.1f}", "") for key, name in others.items()]
-    per_second = result["batch"][0]["shots_per_second"]["median"]
-    gains = [row["two_threads_over_one"]["median"] for row in result["batch"]]
+    calls += [(name, f"{per_call[key]:.1f}", "") for key, name in others.items() if per_call]
     return {
         "how": f"One core; medians of {result['repeats']} interleaved passes.",
         "shots": rows_table(shots, result["batch"]),
@@ -273,11 +289,20 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
         f"table. With {MANY_BALLS} balls or more the engine uses the cells, and a heap for its events. A shot begins "
         "with the checks of its input and the first predictions.",
         "growth": rows_table(growth, gases),
+        **(_summary(rows, per_call) if FIRST in rows and per_call else {}),
+    }
+
+
+def _summary(rows: dict[str, Any], per_call: dict[str, float]) -> dict[str, str]:
+    """Returns the blocks that need the first case and the times of calls."""
+    first, gains = rows[FIRST], [row["two_threads_over_one"]["median"] for row in rows.values()]
+    per_second = first["shots_per_second"]["median"]
+    return {
         "limit": f"A shot of the first kind in the table takes {1 / (per_second * LEAST_TIME):.0f} times this limit, "
         "with the checks of its input.",
         "two_cores": f"Two threads run {min(gains):.2f} to {max(gains):.2f} times as many shots a second as one.",
         "summary": f"One core plays {rounded(per_second)} shots a second in a batch (one object ball): "
-        f"{per_second * result['batch'][0]['seconds_simulated_per_shot'] / 1e6:.2g} million seconds of table time per "
+        f"{per_second * first['seconds_simulated_per_shot'] / 1e6:.2g} million seconds of table time per "
         f"second. A loop over `env.reset` and `env.step` plays {rounded(1e6 / per_call['both'])}.",
     }
 
@@ -290,7 +315,8 @@ def rounded(number: float) -> str:
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.speed --help`."""
     repeats = (11, "number of passes")
-    run_command("benchmarks.speed", "Measure the speed of shots.", arguments, measure, blocks, {"repeats": repeats})
+    about = "Measure the speed of shots."
+    run_command("benchmarks.speed", about, arguments, measure, blocks, {"repeats": repeats}, jobs=True)
 
 
 if __name__ == "__main__":

@@ -16,8 +16,8 @@ from tqdm import tqdm
 from benchmarks import machine, processes, rows_table, run_command, workers
 from benchmarks.reference.stress import families
 from benchmarks.reference.stress.measure import drift
+from billiards_env.commands import Job
 from billiards_env.support.checks import Range, real
-from billiards_env.support.commands import Job
 
 # Thousands of shots of each kind, and the number of shots in one task.
 SHOTS = {

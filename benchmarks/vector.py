@@ -7,6 +7,7 @@ has the quartiles.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from time import perf_counter
 from typing import Any
@@ -15,8 +16,9 @@ from unittest.mock import patch
 import gymnasium as gym
 import numpy as np
 
-from benchmarks import machine, run_command, table
+from benchmarks import in_turns, machine, run_command, table
 from benchmarks.speed import quartiles, seconds
+from billiards_env.commands import Job
 from billiards_env.engine import run_shots_of
 from billiards_env.envs import episodes
 from billiards_env.jit import Typed
@@ -32,6 +34,9 @@ DOORS: dict[str, dict[str, Any]] = {
 GAMES = {name: {"task": name.replace(" ", "_"), "n_players": 2, "threads": 1} for name in ("nine ball", "eight ball")}
 """Games of two players from the break, with the arguments of their environments."""
 
+
+SINGLE = "single environment"
+"""The kind with which the others are compared."""
 
 RESETS = "native, 1,024, one thread, resets with a seed"
 """The kind whose rate is that of resets; the others have that of steps."""
@@ -113,74 +118,82 @@ def outside_engine(count: int, steps: int, **arguments: Any) -> Callable[[], flo
     return share
 
 
-def environments(scale: float) -> list[tuple[str, int, Callable[[], object]]]:
-    """Returns the name, the number of steps per pass and the pass of each kind of environment."""
+def environments(scale: float) -> dict[str, tuple[int, Callable[[], Callable[[], object]]]]:
+    """Returns the number of steps per pass, and a function that makes the pass, of each kind of environment by name."""
 
     def steps(count: int) -> int:
         return max(1, round(20_000 * scale / count))
 
-    short = steps(4)  # for slow environments
-    sync = gym.make_vec(
-        "Billiards-v0", num_envs=64, vectorization_mode="sync", vector_kwargs={"autoreset_mode": "SameStep"}
-    )
-    sync.reset(seed=0)
-    return [
-        ("single environment", short, single(short)),
-        ("SyncVectorEnv of 64", 64 * steps(256), many(sync, steps(256))),
-        *((f"native, {n:,}", n * steps(n), many(native(n), steps(n))) for n in ENV_COUNTS),
-        ("native, 1,024, one thread", 1024 * steps(1024), many(native(1024, threads=1), steps(1024))),
-        *(
-            (f"native, 1,024, {name}", 1024 * steps(1024), many(native(1024, **arguments), steps(1024)))
-            for name, arguments in DOORS.items()
-        ),
-        *(
-            (
-                f"native, 1,024, one thread, {name} of two players",
-                1024 * steps(16_384),
-                many(native(1024, **arguments), steps(16_384)),
-            )
+    def of_native(count: int, passes: int, **arguments: Any) -> tuple[int, Callable[[], Callable[[], object]]]:
+        return count * passes, lambda: many(native(count, **arguments), passes)
+
+    short, usual = steps(4), steps(1024)  # for slow environments, and for 1,024
+    return {
+        SINGLE: (short, lambda: single(short)),
+        "SyncVectorEnv of 64": (64 * steps(256), lambda: many(sync_of(64), steps(256))),
+        **{f"native, {n:,}": of_native(n, steps(n)) for n in ENV_COUNTS},
+        "native, 1,024, one thread": of_native(1024, usual, threads=1),
+        **{f"native, 1,024, {name}": of_native(1024, usual, **arguments) for name, arguments in DOORS.items()},
+        **{
+            f"native, 1,024, one thread, {name} of two players": of_native(1024, steps(16_384), **arguments)
             for name, arguments in GAMES.items()
-        ),
-        (RESETS, 1024 * steps(1024), resetting(native(1024, threads=1), steps(1024))),
-    ]
+        },
+        RESETS: (1024 * usual, lambda: resetting(native(1024, threads=1), usual)),
+    }
 
 
-def measure(repeats: int, scale: float = 1.0) -> dict[str, Any]:
+def sync_of(count: int) -> Any:
+    """Returns Gymnasium's vector environment, after a first reset."""
+    options = {"autoreset_mode": "SameStep"}
+    envs = gym.make_vec("Billiards-v0", num_envs=count, vectorization_mode="sync", vector_kwargs=options)
+    envs.reset(seed=0)
+    return envs
+
+
+def measure(repeats: int, job: Job, scale: float = 1.0) -> dict[str, Any]:
     """Runs all measurements `repeats` times; `scale` is a factor on the number of steps in a pass.
 
     Returns:
         `steps`: a list with one entry per kind, with rates per second. `outside_engine`: the share of a step of 1,024
-        environments on one thread, for one object ball ("pot") and for `GAMES`.
+        environments on one thread, for one object ball ("pot") and for `GAMES`. Each entry is a job.
     """
-    on, steps = machine(), max(1, round(20 * scale))
-    played, shares = environments(scale), {"pot": outside_engine(1024, steps)}
-    shares |= {name: outside_engine(1024, max(1, steps // 4), **arguments) for name, arguments in GAMES.items()}
-    for share in shares.values():  # compiles the kernels
-        share()
-    for _, _, play in played:
-        play()
-    passes = [
-        ([share() for share in shares.values()], [count / seconds(play) for _, count, play in played])
-        for _ in range(repeats)
-    ]
-    outside, rates = (np.transpose(part).tolist() for part in zip(*passes, strict=True))
-    rows = [{"kind": name, "per_second": quartiles(values)} for (name, _, _), values in zip(played, rates, strict=True)]
-    shares = {name: quartiles(values) for name, values in zip(shares, outside, strict=True)}
+    on, steps, calls = machine(), max(1, round(20 * scale)), dict[str, Callable[[], float]]()
+    outside = {f"outside the engine, {name}": name for name in ("pot", *GAMES)}
+    kinds = environments(scale)
+    for key, name in outside.items():
+        with job(key):
+            share = outside_engine(1024, max(1, steps // 4) if name in GAMES else steps, **GAMES.get(name, {}))
+            share()  # compiles the kernels
+            calls[key] = share
+    for kind, (count, make) in kinds.items():
+        with job(kind):
+            play = make()
+            play()
+            calls[kind] = functools.partial(rate_of, count, play)
+    measured = {name: quartiles(values) for name, values in in_turns(calls, repeats, job).items()}
+    rows = [{"kind": kind, "per_second": measured[kind]} for kind in kinds if kind in measured]
+    shares = {name: measured[key] for key, name in outside.items() if key in measured}
     return {"machine": on, "repeats": repeats, "steps": rows, "outside_engine": shares}
+
+
+def rate_of(count: int, play: Callable[[], object]) -> float:
+    """Returns the steps per second of a pass with `count` steps."""
+    return count / seconds(play)
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
     rates = {row["kind"]: row["per_second"]["median"] for row in result["steps"]}
-    one = next(iter(rates.values()))
-    outside = {name: share["median"] for name, share in result["outside_engine"].items()}
-    games = " and ".join(f"{outside[name]:.0%} ({name})" for name in GAMES)
+    outside = {name: f"{share['median']:.0%}" for name, share in result["outside_engine"].items()}
+    games = " and ".join(f"{outside.get(name, '-')} ({name})" for name in GAMES)
+    one = rates.get(SINGLE)
     return {
         "how": f"Medians of {result['repeats']} interleaved passes. A step of 1,024 environments on one thread spends "
-        f"{outside['pot']:.0%} of its time outside the engine. In games of two players from the break it is {games}.",
+        f"{outside.get('pot', '-')} of its time outside the engine. In games of two players from the break it is "
+        f"{games}.",
         "steps": table(
             ("environments", "steps/s", "relative"),
-            [(kind, f"{rate:,.0f}", f"{rate / one:.1f}") for kind, rate in rates.items()],
+            [(kind, f"{rate:,.0f}", f"{rate / one:.1f}" if one else "") for kind, rate in rates.items()],
         ),
     }
 
@@ -188,9 +201,8 @@ def blocks(result: dict[str, Any]) -> dict[str, str]:
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line; see `python -m benchmarks.vector --help`."""
     repeats = (11, "number of passes")
-    run_command(
-        "benchmarks.vector", "Measure the speed of environments.", arguments, measure, blocks, {"repeats": repeats}
-    )
+    about = "Measure the speed of environments."
+    run_command("benchmarks.vector", about, arguments, measure, blocks, {"repeats": repeats}, jobs=True)
 
 
 if __name__ == "__main__":

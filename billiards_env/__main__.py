@@ -19,10 +19,10 @@ import numpy as np
 
 from billiards_env import Scene, __version__
 from billiards_env.bench.frozen import BENCH_TASKS, FROZEN
+from billiards_env.commands import Parser, all_jobs, ending
 from billiards_env.export import WRITERS, shot_text
 from billiards_env.scene import SCENES
-from billiards_env.support.checks import MAX_SPEED, Range, finite, integer, number, one_of, real
-from billiards_env.support.commands import Parser, all_jobs, ending
+from billiards_env.support.checks import MAX_SPEED, Range, finite, integer, number, numbers, one_of, real
 from billiards_env.support.files import check_path, write_atomically
 
 if TYPE_CHECKING:
@@ -34,6 +34,10 @@ if TYPE_CHECKING:
 
 _ANGLES = {"heading": Range(-360.0, 360.0, "degrees"), "elevation": Range(0.0, 90.0, "degrees")}
 _SPEED = Range(0.0, MAX_SPEED, "m/s")
+_EPISODES = Range(1, 10_000_000)  # gigabytes of memory
+
+FASTEST = 16.0
+"""m/s. The hardest breaks; see "speed" in `checks.RANGES`."""
 
 PLAY_PAGE = Path(__file__).with_name("play") / "play.html"
 """The page that `web` opens. `docs.web.build` writes it."""
@@ -78,7 +82,7 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add(
         "--scene",
-        default="pool",
+        default="real_pool",
         help=f"the scene: {', '.join(SCENES)}, module:name or a JSON file (default: %(default)s)",
     )
     add("--balls", type=int, metavar="N", help="number of object balls (default: the scene's)")
@@ -93,10 +97,18 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
     add("--velocity", type=number, nargs=2, metavar=("VX", "VY"), help="of the cue ball, m/s (default: 2, to ball 1)")
     add("--spin", type=number, nargs=3, metavar=("WX", "WY", "WZ"), help="of the cue ball, rad/s (default: no spin)")
     add("--speed", type=number, help="strike with a cue of this speed, m/s, in place of --velocity and --spin")
-    add("--heading", type=number, help="direction of the cue in degrees from the x axis (default: towards ball 1)")
+    add(
+        "--heading",
+        type=number,
+        help="direction of the cue in degrees (in Python: rad) from the x axis (default: to ball 1)",
+    )
     add("--side", type=number, help="offset of the tip to the left, in ball radii (default: 0)")
     add("--top", type=number, help="offset of the tip above the centre, in ball radii (default: 0)")
-    add("--elevation", type=number, help="angle of the cue above the horizontal in degrees (default: 0)")
+    add(
+        "--elevation",
+        type=number,
+        help="angle of the cue above the horizontal in degrees (in Python: rad) (default: 0)",
+    )
     add("--mode", default="pic", help="the engine: pic or pit (default: %(default)s)")
     add("--dt", type=number, help="timestep of pit, s, such as 1/60")
     add("--fix", help="how pit treats overlaps: push_apart, move_back, none or time_of_impact")
@@ -241,15 +253,15 @@ def simulate(args: argparse.Namespace) -> None:
         )
     else:
         positions = finite("--positions", args.positions, (2 * scene.n_balls,)).reshape(-1, 2)
-    velocity, spin = _cue_ball(args, scene, positions)
+    velocity, spin, notes = _cue_ball(args, scene, positions)
     engine = Engine(args.mode, args.dt, args.fix)
     options = {"engine": engine, "max_time": args.max_time}
     shot = simulation.simulate(scene, positions, velocity, spins=spin, record=True, **options)
-    _write_shot(shot, args.out)
+    _write_shot(shot, args.out, notes)
 
 
-def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tuple[Any, Any]:
-    """Returns the velocity and the spin of the cue ball that the arguments of `simulate` describe."""
+def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tuple[Any, Any, list[str]]:
+    """Returns the velocity and the spin of the cue ball that the arguments of `simulate` describe, and notes."""
     from billiards_env.engine.strikes import strike
 
     aim = positions[min(1, scene.n_balls - 1)] - positions[0]
@@ -261,13 +273,27 @@ def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tupl
         if cue:
             raise ValueError(f"--{next(iter(cue))} without --speed: expected the speed of the cue")
         velocity = 2.0 * aim / np.hypot(*aim) if aim.any() else (2.0, 0.0)
-        return args.velocity or velocity, args.spin
+        return args.velocity or velocity, args.spin, _notes(scene, args.velocity or velocity, args.spin)
     if args.velocity or args.spin:
         raise ValueError("--speed with --velocity or --spin: expected the motion either of the cue or of the ball")
-    struck = strike(scene, real("--speed", args.speed, _SPEED), **{"heading": np.arctan2(aim[1], aim[0]), **cue})
-    if struck.miscue:
-        print("the tip slips on the ball: a miscue")
-    return struck, None
+    cue = {"heading": np.arctan2(aim[1], aim[0]), "side": 0.0, "top": 0.0, "elevation": 0.0, **cue}
+    struck = strike(scene, real("--speed", args.speed, _SPEED), **cue)
+    heading, elevation = np.rad2deg([cue["heading"], cue["elevation"]]).tolist()
+    tip = f"side {cue['side']:g} R, top {cue['top']:g} R"
+    stroke = f"stroke: {args.speed:g} m/s, heading {heading:.6g} degrees, {tip}, elevation {elevation:.6g} degrees"
+    slips = ["the tip slips on the ball: a miscue"] * bool(struck.miscue)
+    return struck, None, [stroke, *slips, *_notes(scene, struck.velocity, struck.spin)]
+
+
+def _notes(scene: Scene, velocity: Any, spin: Any) -> list[str]:
+    """Returns a line if the cue ball is too fast for a cue, and one if its side spin throws no ball."""
+    speed, notes = np.hypot(*numbers("velocities", velocity)[:2]), []
+    if speed > FASTEST:
+        notes.append(f"the cue ball begins at {speed:.3g} m/s: a break is 10 to 12 m/s")
+    smooth = scene.physics.ball_ball == "frictionless"
+    if smooth and spin is not None and numbers("spins", spin)[2] != 0 and scene.n_balls > 1:
+        notes.append("the balls of this scene have no friction: english throws no ball, unlike in --scene real_pool")
+    return notes
 
 
 def evaluate(args: argparse.Namespace) -> None:
@@ -281,7 +307,8 @@ def evaluate(args: argparse.Namespace) -> None:
     arguments = {name: getattr(args, name) for name in names if getattr(args, name) is not None}
     if args.scene is not None and args.scene.endswith(".json"):
         arguments["scene"] = read_scene(args.scene)
-    episodes, seed = integer("--episodes", args.episodes, Range(1, None)), integer("--seed", args.seed, Range(0, None))
+    episodes, seed = integer("--episodes", args.episodes, _EPISODES), integer("--seed", args.seed, Range(0, None))
+    noise = real("--noise[0]", args.noise[0], "angle_std"), real("--noise[1]", args.noise[1], "speed_std")
     players = [*args.player, *(player for player in args.beside if player not in args.player)]
     env = gym.make("billiards_env:Billiards-v0", **arguments)
     for player in players:  # a wrong name is an error before the first player plays
@@ -297,7 +324,7 @@ def evaluate(args: argparse.Namespace) -> None:
                     print(f"{player}: {number:,} shots", end="\r", file=sys.stderr)
 
             with job(player):
-                show(player, measure(player, arguments, tuple(args.noise), episodes, seed, progress))
+                show(player, measure(player, arguments, noise, episodes, seed, progress))
 
 
 def bench(args: argparse.Namespace) -> None:
@@ -386,21 +413,23 @@ def replay(args: argparse.Namespace) -> None:
     from billiards_env.games.playing import replay as shots_of
 
     _check_out(args.out, without=".json")
-    record = records.load(args.file)
+    record, notes = records.load(args.file), list[str]()
     if isinstance(record, records.ShotRecord):
         shots = [records.replay(record, record_events=True)]
     else:
         setup, state = record.setup, records.replay(record).state
         shots = [played.shot for played in shots_of(record.history)]
         scores = to_dict(state)["scores"]
-        result = f"won by player {state.winner}" if state.winner >= 0 else "over" if state.over else "not over"
-        print(f"{setup.rules}, {setup.n_players} players, {len(shots)} shots, scores {list(scores)}, {result}")
+        result = f"won by player {state.winner + 1}" if state.winner >= 0 else "over" if state.over else "not over"
+        notes = [f"{setup.rules}, {setup.n_players} players, {len(shots)} shots, scores {list(scores)}, {result}"]
     if args.shot is not None and not 1 <= args.shot <= len(shots):
         raise ValueError(f"--shot = {args.shot}: expected a number from 1 to {len(shots)}")
     if args.shot is not None:
         shots = [shots[args.shot - 1]]
-    for shot in shots[-1:]:
-        _write_shot(shot, args.out)
+    if shots:
+        _write_shot(shots[-1], args.out, notes)
+    else:
+        print(*notes)
     if args.window:
         _show(record.scene if isinstance(record, records.ShotRecord) else record.setup.scene, shots)
 
@@ -429,9 +458,9 @@ def _check_out(paths: Sequence[Path], without: str = "") -> None:
         check_path(path, path.suffix)
 
 
-def _write_shot(shot: ShotResult, paths: Sequence[Path]) -> None:
-    """Prints a shot and writes it to files."""
-    _write(lambda path: WRITERS[path.suffix](shot, path), paths, f"{shot}\n{shot_text(shot)}")
+def _write_shot(shot: ShotResult, paths: Sequence[Path], notes: Sequence[str]) -> None:
+    """Writes a shot to files, then prints notes and the shot."""
+    _write(lambda path: WRITERS[path.suffix](shot, path), paths, "\n".join([*notes, str(shot), shot_text(shot)]))
 
 
 def _write(save: Callable[[Path], object], paths: Sequence[Path], result: object) -> None:

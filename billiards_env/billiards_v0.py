@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium as gym
@@ -43,9 +44,9 @@ class GameEnv(pettingzoo.AECEnv[str, Any, NDArray[np.float32]]):
     """A game of `Billiards-v0` with several players in the interface of PettingZoo.
 
     `BilliardsEnv` documents the arguments, the actions, the observations, the rewards and the info, which is the same
-    for all players and empty after a reset. The agents are `"player_0"`, `"player_1"` and so on; `player_0` opens. A
-    player whose turn continues is selected again. All players terminate when the game is over. After `max_shots` shots
-    they are truncated, and the game is a draw.
+    for all players. The agents are `"player_0"`, `"player_1"` and so on; `player_0` opens. A player whose turn
+    continues is selected again. All players terminate when the game is over. After `max_shots` shots they are
+    truncated, and the game is a draw.
 
     Args:
         model: The arguments, see `make_model`.
@@ -85,11 +86,16 @@ class GameEnv(pettingzoo.AECEnv[str, Any, NDArray[np.float32]]):
         """The game before the next shot."""
         return self.env.game
 
+    @property
+    def action_masks(self) -> Callable[[], NDArray[np.bool_]]:
+        """A method that returns the possible plans of the selected agent, see `BilliardsEnv.action_masks`."""
+        return self.env.action_masks
+
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> None:
         """Begins a game; the arguments and errors are as in `BilliardsEnv.reset`."""
         if isinstance(options, dict):
             options = {key: value for key, value in options.items() if key != "options"}  # PettingZoo's tests pass it
-        self.env.reset(seed=seed, options=options)
+        _, info = self.env.reset(seed=seed, options=options)
         self._opening, self._strokes, self.agents = self.game, [], self.possible_agents[:]
         scene, engine = self.env.episode_scene_and_engine
         self._setup = dataclasses.replace(self.setup, scene=scene, engine=engine)
@@ -97,7 +103,7 @@ class GameEnv(pettingzoo.AECEnv[str, Any, NDArray[np.float32]]):
         self._cumulative_rewards = dict.fromkeys(self.agents, 0.0)
         self.terminations = dict.fromkeys(self.agents, False)
         self.truncations = dict.fromkeys(self.agents, False)
-        self.infos = {agent: {} for agent in self.agents}
+        self.infos = {agent: dict(info) for agent in self.agents}
         self._skip_agent_selection = None
         self.agent_selection = self.agents[self.game.state.player]
 

@@ -1,8 +1,8 @@
 """The doors of the core: the names that only an attachment can provide, and where it provides them.
 
 The core is what the environment needs: `support`, `jit`, `scene`, `physics`, `engine`, `shots`, `games`, `envs` and
-`billiards_v0`. The other packages are attachments. An attachment uses the core, and the core runs without it. `DOORS`
-is the only place in the core that names an attachment.
+`billiards_v0`. The other packages are attachments. An attachment uses the core, and the core runs without it. The
+core imports attachments only by the names in `DOORS`.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ DOORS = {
     "the frozen ids": "billiards_env.bench.frozen:register",
     "player = 'policy'": "billiards_env.sb3.policy_player:POLICY",
 }
-"""What attachments provide: `module:attribute` by name. `what = 'name'` is an entry of the table of `what`."""
+"""What attachments provide: `module:attribute` by name. The name "action = 'plan'" stands for
+the entry "plan" of the table of actions."""
 
 
 def load(door: str) -> Any:
@@ -55,7 +56,7 @@ def is_there(door: str) -> bool:
 
 
 def attribute(module: str, name: str) -> Any:
-    """Returns an attribute of a module of the core that an attachment provides, for the `__getattr__` of the module."""
+    """Returns an attribute that an attachment provides for a module of the core, whose `__getattr__` calls this."""
     if (door := f"{module}.{name}") not in DOORS:
         raise AttributeError(f"module {module!r} has no attribute {name!r}")
     return load(door)

@@ -28,8 +28,9 @@ def shot_text(shot: ShotResult) -> str:
     recording = recording_of(shot)
     events, cushions = recording.events, cushion_names(recording.scene.table)
     places = (f"({x:.4f}, {y:.4f})" for x, y in shot.positions.tolist())
-    ends = ("potted" if gone else place for gone, place in zip(shot.potted, places, strict=True))
-    lines = ["final positions, m", *(f"  ball {ball}  {end}" for ball, end in enumerate(ends)), "events"]
+    out = {ball: reason for reason, balls in shot.out_of_play.items() for ball in balls}
+    ends = (f"  ball {ball}  {out.get(ball, place)}" for ball, place in enumerate(places))
+    lines = ["final positions, m", *ends, "events"]
     for time, kind, ball, other, *_ in events[:SHOWN].tolist():
         what = f"hits {cushions[other]}" if kind == "cushion" else KINDS[kind] + f" {other}" * (kind == "ball_ball")
         lines.append(f"  {time:9.6f} s  ball {ball} {what}")
@@ -37,12 +38,14 @@ def shot_text(shot: ShotResult) -> str:
 
 
 def _rows(shot: ShotResult, path: Path) -> None:
-    """Writes positions, velocities and spins at each event and every 10 ms."""
+    """Writes positions, velocities and spins at each event and every 10 ms, in scenes with flight also z and vz."""
     events: Any = shot.events
     times = np.unique(np.concatenate((np.arange(0.0, shot.time, 0.01), events["time"], [shot.time])))
-    values = np.concatenate((shot.at(times), *shot.motion_at(times)), -1).tolist()
-    lines = ["time,ball,x,y,vx,vy,wx,wy,wz"]
-    for time, balls in zip(times.tolist(), values, strict=True):
+    flies, places = shot.heights is not None, [shot.at(times)]
+    places += [shot.heights_at(times)[..., None]] * flies
+    values = np.concatenate((*places, *shot.motion_at(times)), -1)
+    lines = ["time,ball,x,y,z,vx,vy,vz,wx,wy,wz" if flies else "time,ball,x,y,vx,vy,wx,wy,wz"]
+    for time, balls in zip(times.tolist(), values.tolist(), strict=True):
         lines += [",".join(map(repr, (time, ball, *row))) for ball, row in enumerate(balls)]
     write_atomically(path, ("\n".join(lines) + "\n").encode())
 

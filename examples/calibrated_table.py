@@ -20,9 +20,9 @@ from stable_baselines3 import PPO
 from billiards_env import Scene, simulate
 from billiards_env.bench.evaluation import evaluation_seeds, play_together
 from billiards_env.calibration import Calibration, calibrate, observed
+from billiards_env.intervals import over_seeds
 from billiards_env.sb3 import PPO_SETTINGS, AimPolicy, SameStepVecEnv
 from billiards_env.scene import Physics, layouts
-from billiards_env.support.intervals import over_seeds
 
 DEFAULT = dataclasses.replace(Scene.named("carom"), physics=Physics(ball_ball="frictional"))
 CONSTANTS = Physics(

@@ -31,8 +31,8 @@ from tqdm import tqdm
 from agents import require
 from agents.cluster import RayExecutor
 from benchmarks import ROOT, machine, processes
+from billiards_env.commands import all_jobs
 from billiards_env.shots.records import read_data
-from billiards_env.support.commands import all_jobs
 from billiards_env.support.files import MAX_ARCHIVE, write_json
 
 require("plot", ("matplotlib",))

@@ -20,9 +20,9 @@ from benchmarks import ROOT, new_figure, run_command, save, table
 from billiards_env.bench import benchmark as bench
 from billiards_env.bench.frozen import BENCH_TASKS, NAMESPACE
 from billiards_env.games import Setup
+from billiards_env.intervals import interquartile_mean
 from billiards_env.players.named import PlayerEntry, Where, find_player
 from billiards_env.players.situation import Player
-from billiards_env.support.intervals import interquartile_mean
 from studies import learning, read_results
 
 FOLDER = ROOT / "docs" / "leaderboard"

@@ -23,16 +23,17 @@ import gymnasium as gym
 import numpy as np
 
 from agents.config import LEARNING, Config, load, rows
-from agents.ppo import deterministic, load_run
+from agents.evaluate import load_run
+from agents.ppo import deterministic
 from agents.train import Point, learning_curve, open_run, train, versions
 from benchmarks import machine, machine_line, new_figure, run_command, save, table
 from billiards_env.bench import benchmark as bench
 from billiards_env.bench import evaluation
 from billiards_env.bench.evaluation import evaluation_seeds, play_together
 from billiards_env.bench.frozen import FROZEN, NAMESPACE
+from billiards_env.intervals import as_percent, over_seeds
 from billiards_env.players.strategies import FINALISTS, REPEATS
 from billiards_env.support.files import write_atomically, write_json
-from billiards_env.support.intervals import as_percent, over_seeds
 from billiards_env.support.settings import read_settings
 from studies import JOBS, RESULTS, RUNS, completed, executor, fill, frozen_tasks, read_results
 

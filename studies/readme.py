@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import ROOT, all_blocks, parser_of, results_file
-from billiards_env.support.commands import ending
+from billiards_env.commands import ending
 from billiards_env.support.files import write_atomically
 
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchmarks import new_figure, save, table
-from billiards_env.support.intervals import bootstrap, interquartile_mean
+from billiards_env.intervals import bootstrap, interquartile_mean
 
 EXACT = "exact"
 BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "#777777"

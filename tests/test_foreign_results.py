@@ -2,8 +2,10 @@
 
 import functools
 import itertools
+import re
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -34,6 +36,7 @@ from billiards_env.scene.layouts import make_plan
 
 TABLES: list[Any] = [TASKS, FEATURES, ACTIONS, layouts.LAYOUTS, scene.NAMED, GAMES, PLAYERS]
 NAMES = (f"wrong_{k}" for k in itertools.count())
+HALF: Any = 0.5
 SPOTS, NAN, RNG = np.array([[0.1, 0.1], [0.5, 0.2]]), float("nan"), np.random.default_rng
 
 
@@ -109,9 +112,9 @@ def write_value(begin, end, observations, first, value):
         observations[k, first] = value
 
 
-def in_feature(reads: Any, shape: Any = ()) -> None:
-    register_feature(name := next(NAMES), Feature("", shape, 0.0, write_value, reads))
-    make_env(observe=["positions", name])
+def in_feature(reads: Any, shape: Any = (), low: Any = 0.0) -> None:
+    register_feature(name := next(NAMES), Feature("", shape, low, write_value, reads))
+    make_env(observe=["positions", name]).reset(seed=0)
 
 
 @kernel
@@ -127,6 +130,21 @@ def two_values(k, numbers, arrays):
 @kernel
 def text(k, numbers, arrays):
     return "1", False, False
+
+
+@kernel
+def no_number(k, numbers, arrays):
+    return NAN, False, False
+
+
+def in_step(judge: Any, *, vector: bool = False) -> None:
+    register_task(name := next(NAMES), Task(judge, "random"))
+    if vector:
+        envs: Any = gym.make_vec("Billiards-v0", num_envs=3, task=name)
+        envs.reset(seed=0)
+        envs.step(envs.action_space.sample())
+    else:
+        one_shot(task=name)
 
 
 def in_task(judge: Any) -> None:
@@ -145,15 +163,51 @@ def no_verdict(state, facts, call):
 
 
 @inlined
+def half_a_point(state, facts, call):
+    return verdict(0, HALF, 0, False, 0, 0)
+
+
+@inlined
 def half_a_ball(state, player):
     return 0.5
 
 
-def in_game(**fields: Any) -> None:
+def new_game(**fields: Any) -> str:
     usual: dict[str, Any] = {"judge": right, "legal": any_ball, "scene": "pool", "layouts": ("random",), "page": ()}
     game = Game(**{**usual, "n_object_balls": (1, 15), "won_by": "", **fields})
     register_game(name := next(NAMES), game)
-    make_env(task=name, n_players=2, n_object_balls=1)
+    return name
+
+
+def in_game(**fields: Any) -> None:
+    make_env(task=new_game(**fields), n_players=2, n_object_balls=1)
+
+
+def in_play(**fields: Any) -> None:
+    """Plays a shot of a game without an environment."""
+    setup = Setup(new_game(**fields), Scene.named("pool", 2))
+    play(setup, opening(setup, RNG(0), "random"), Stroke((1.0, 0.0)))
+
+
+CONSTANTS: dict[str, Any] = {
+    "task": lambda **fields: register_task(next(NAMES), Task(**{"judge": text, "layout": "random", **fields})),
+    "feature": lambda **fields: register_feature(
+        next(NAMES), Feature(**{"summary": "", "shape": (), "low": 0.0, "write": write_value, "reads": tuple, **fields})
+    ),
+    "game": new_game,
+    "action": lambda **fields: register_action(next(NAMES), Action("", 2, **fields)),
+    "player": lambda **fields: register_player(next(NAMES), PlayerEntry(failing, **fields)),
+    "scene": lambda **fields: register_scene(
+        next(NAMES), NamedScene(**{"build": lambda n: None, "usual": 1, "most": 2, **fields})
+    ),
+}
+"""Functions that register an entry with changed fields."""
+
+
+def constant(what: str, field: str, wrong: Any, message: str) -> tuple[Any, Any, str]:
+    """Returns a row of `WRONG`: a field of an entry with a wrong constant."""
+    shown = re.escape(f"{wrong!r}: {message}")
+    return lambda value: CONSTANTS[what](**{field: value}), wrong, f"^{field} of {what} 'wrong_.*' = {shown}"
 
 
 def maker(make: Any) -> None:
@@ -246,6 +300,20 @@ WRONG: list[tuple[Any, Any, str]] = [
         lambda source: (1.0,),
         "^shape of feature 'wrong_.*' = -1: expected a",
     ),
+    (in_feature, lambda source: (NAN,), "^feature 'wrong_.*' = nan: expected a number from 0 to 1"),
+    (in_feature, lambda source: (1.5,), "^feature 'wrong_.*' = 1.5: expected a number from 0 to 1"),
+    (
+        functools.partial(in_feature, low=(0.0, -0.5), shape=(2,)),
+        lambda source: (-0.4,),
+        "^feature 'wrong_.*' = -0.4: expected a number from 0 to 1",
+    ),
+    (
+        functools.partial(in_feature, low=(0.0, 0.0), shape=(3,)),
+        lambda source: (0.0,),
+        r"^low of feature 'wrong_.*' = \(0.0, 0.0\): expected one number, or",
+    ),
+    (in_step, no_number, "^reward of task 'wrong_.*' = nan: expected a finite number"),
+    (functools.partial(in_step, vector=True), no_number, "^reward of task 'wrong_.*' = nan: expected a finite number"),
     (in_task, None, "^judge of task 'wrong_.*' = None: expected a function with 3 arguments"),
     (in_task, half_a_ball, "^judge of task 'wrong_.*' = .*: expected a function with 3 arguments"),
     (in_task, nothing, "^task " + KERNELS),
@@ -255,6 +323,9 @@ WRONG: list[tuple[Any, Any, str]] = [
     (lambda judge: in_game(judge=judge), half_a_ball, "^judge of game 'wrong_.*: expected a function with 3 arguments"),
     (lambda judge: in_game(judge=judge), no_verdict, "^task " + KERNELS),
     (lambda legal: in_game(legal=legal), half_a_ball, "^task " + KERNELS),
+    (lambda judge: in_game(judge=judge), half_a_point, "^task " + KERNELS),
+    (lambda judge: in_play(judge=judge), half_a_point, "^rules " + KERNELS),
+    (lambda judge: in_play(judge=judge), no_verdict, "^rules " + KERNELS),
     (lambda target: in_game(target=target), lambda n: "a", "^target of game 'wrong_.*' = 'a': expected a whole number"),
     (lambda target: in_game(target=target), lambda: 3, "^target of game 'wrong_.*' " + ARGUMENTS.format(1)),
     (lambda target: in_game(target=target), ending, "^target of game 'wrong_.*' " + ENDED),
@@ -262,18 +333,59 @@ WRONG: list[tuple[Any, Any, str]] = [
     (maker, lambda argument, where: None, "^player = 'wrong_.*': expected a function that returns a player"),
     (maker, lambda: None, "^make of player 'wrong_.*' " + ARGUMENTS.format(2)),
     (maker, ending, "^player 'wrong_.*' " + ENDED),
-    (in_player, None, "^stroke of <function .*> = None: " + TYPE.format("Stroke", "NoneType")),
-    (in_player, ending, "^stroke of <function .*> " + ENDED),
-    (in_player, Stroke(None), "^stroke.velocity = None: expected two numbers"),
-    (in_player, Stroke((1.0, 2.0, 3.0)), r"^stroke.velocity = \(1.0, 2.0, 3.0\): expected two numbers"),
-    (in_player, Stroke("ab"), "^stroke.velocity = 'ab': expected two numbers"),
-    (in_player, Stroke((1j, 0.0)), r"^stroke.velocity\[0\] = 1j: expected a number, not complex"),
-    (in_player, Stroke((NAN, 0.0)), r"^stroke.velocity\[0\] = nan: expected a number from"),
-    (in_player, Stroke((1.0, 0.0), spin=(NAN, 0.0, 0.0)), r"^stroke.spin\[0\] = nan: expected a number from"),
-    (in_player, Stroke((1.0, 0.0), place=(0.0,)), r"^stroke.place = \(0.0,\): expected two numbers"),  # pyright: ignore
-    (in_player, Stroke((1.0, 0.0), call="x"), "^stroke.call = 'x': " + TYPE.format("Call", "str")),  # pyright: ignore
+    (in_player, None, "^stroke of player 'wrong_.*' = None: " + TYPE.format("Stroke", "NoneType")),
+    (in_player, ending, "^stroke of player 'wrong_.*' " + ENDED),
+    (in_player, Stroke(None), "^stroke.velocity of player 'wrong_.*' = None: expected two numbers"),
+    (
+        in_player,
+        Stroke((1.0, 2.0, 3.0)),
+        r"^stroke.velocity of player 'wrong_.*' = \(1.0, 2.0, 3.0\): expected two numbers",
+    ),
+    (in_player, Stroke("ab"), "^stroke.velocity of player 'wrong_.*' = 'ab': expected two numbers"),
+    (in_player, Stroke((1j, 0.0)), r"^stroke.velocity\[0\] of player 'wrong_.*' = 1j: expected a number, not complex"),
+    (in_player, Stroke((NAN, 0.0)), r"^stroke.velocity\[0\] of player 'wrong_.*' = nan: expected a number from"),
+    (
+        in_player,
+        Stroke((1.0, 0.0), spin=(NAN, 0.0, 0.0)),
+        r"^stroke.spin\[0\] of player 'wrong_.*' = nan: expected a number from",
+    ),
+    (
+        in_player,
+        Stroke((1.0, 0.0), place=(0.0,)),  # pyright: ignore
+        r"^stroke.place of player 'wrong_.*' = \(0.0,\): expected two numbers",
+    ),
+    (in_player, Stroke((1.0, 0.0), call="x"), "^stroke.call of player 'wrong_.*' = 'x': " + TYPE.format("Call", "str")),  # pyright: ignore
     (functools.partial(in_player, game=True), None, "^stroke = None: " + TYPE.format("Stroke", "NoneType")),
     (functools.partial(in_player, game=True), Stroke(None), "^stroke.velocity = None: expected two numbers"),
+]
+
+
+WRONG += [
+    constant("task", "n_object_balls", 3, "expected the type tuple[int, int | None], not int"),
+    constant("task", "n_object_balls", (-1, 2), "expected numbers >= 0"),
+    constant("task", "n_object_balls", (3, 2), "expected the smallest number first"),
+    constant("task", "n_targets", 1.5, "expected the type int | None, not float"),
+    constant("task", "n_targets", -1, "expected a number >= 0"),
+    constant("task", "goal_radius", "a", "expected the type float, not str"),
+    constant("task", "goal_radius", NAN, "expected a number from 0 to 10000 m"),
+    constant("task", "pockets", 1, "expected the type bool | None, not int"),
+    constant("task", "max_shots", 0, "expected a number from 1 to"),
+    constant("task", "breaks", "rack", "expected the type tuple[str, ...], not str"),
+    constant("feature", "low", None, "expected the type float | tuple[float, ...], not NoneType"),
+    constant("feature", "low", NAN, "expected a number from"),
+    constant("feature", "low", 2.0, "expected a number from"),
+    constant("feature", "write", None, "expected the type collections.abc.Callable[..., None], not NoneType"),
+    constant("game", "n_players", 2, "expected the type tuple[int, int], not int"),
+    constant("game", "n_players", (2, 9), "expected numbers from 2 to 4"),
+    constant("game", "editions", "2025", "expected the type tuple[str, ...], not str"),
+    constant("game", "editions", (), "expected at least one"),
+    constant("game", "choices", 3, "expected a list"),
+    constant("game", "deciding_ball", -2, "expected a number from -1 to 62"),
+    constant("game", "sure_pot", NAN, "expected a number >= 0"),
+    constant("action", "is_choice", 1, "expected the type bool, not int"),
+    constant("player", "argument", 3, "expected the type str | None, not int"),
+    constant("scene", "usual", -1, "expected a number from 0 to 100000"),
+    (lambda one: new_game(choices=(one,)), "jump", "^choices of game 'wrong_.*' = 'jump': expected one of 'push_out',"),
 ]
 
 
@@ -287,3 +399,19 @@ def test_a_wrong_result_is_an_error_that_names_the_entry(use, wrong, message):
 def test_errors_of_the_function_itself_pass(use):
     with pytest.raises(LookupError, match="mine"):
         use(failing)
+
+
+@pytest.mark.parametrize(
+    ("register", "table"),
+    [
+        (register_task, TASKS),
+        (register_feature, FEATURES),
+        (register_action, ACTIONS),
+        (register_scene, scene.NAMED),
+        (register_game, GAMES),
+        (register_player, PLAYERS),
+    ],
+)
+def test_the_entries_of_the_package_pass_the_checks(register, table):
+    for name in table:
+        register(name, table[name])

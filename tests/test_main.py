@@ -13,12 +13,13 @@ from billiards_env import Scene, simulate, strike
 from billiards_env.__main__ import main
 from billiards_env.engine.compile import MODES
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.games import History, Setup, Stroke, opening, records
+from billiards_env.games import History, Setup, Stroke, custom_opening, opening, records
 from billiards_env.jit.folders import versions_hash
 from billiards_env.scene import SCENES
 from billiards_env.scene.layouts import LAYOUTS
 from billiards_env.shots import records as shot_records
 
+PIT_SHOT = ["--scene", "pool", "--mode", "pit", "--dt", "1/60"]
 SHOT = ["simulate", "--positions", "-0.635", "0", "0.635", "0.3", "--velocity", "2", "0.45"]
 
 
@@ -41,8 +42,8 @@ def test_the_console_script_is_the_module():
 def test_simulate_prints_the_result_and_writes_a_page_and_a_record(capsys, tmp_path):
     page, record = tmp_path / "shot.html", tmp_path / "shot.json"
     first, *printed = lines(capsys, *SHOT, "--out", str(page), "--out", str(record))
-    assert first == "ShotResult: 2 balls, rest after 4.642 s, 8 events"
-    assert printed[0] == "  potted balls: 1"
+    assert first == "ShotResult: 2 balls, rest after 4.521 s, 8 events"
+    assert printed[0] == "  balls potted: 1"
     assert printed[-2:] == [f"wrote {page}", f"wrote {record}"]
     assert page.read_text().startswith("<!doctype html>")
     again = lines(capsys, "replay", str(record), "--out", str(tmp_path / "again.html"))
@@ -62,7 +63,7 @@ def test_the_suffix_selects_the_format(suffix, module, start, tmp_path):
 
 
 def test_simulate_aims_at_ball_1_and_draws_a_layout(capsys):
-    first, _, hit, *_ = lines(capsys, "simulate", "--balls", "3", "--seed", "4", "--mode", "pit", "--dt", "1/60")
+    first, _, hit, *_ = lines(capsys, "simulate", "--balls", "3", "--seed", "4", *PIT_SHOT)
     assert first.startswith("ShotResult: 4 balls, rest after ")
     assert hit.startswith("  first hit: ball ")
     assert lines(capsys, "simulate", "--balls", "0")[2] == "  first hit: none"
@@ -72,14 +73,27 @@ def test_simulate_strikes_the_cue_ball_with_a_cue(capsys, tmp_path):
     path = tmp_path / "shot.json"
     places = ["--positions", "-0.635", "0", "0.635", "0.3"]
     stroke = ["--speed", "2", "--heading", "30", "--side", "0.2", "--top", "-0.25", "--elevation", "5"]
-    lines(capsys, "simulate", *places, *stroke, "--out", str(path))
-    expected = strike(Scene.named("pool"), 2.0, np.pi / 6, 0.2, -0.25, np.pi / 36)
+    line, *_ = lines(capsys, "simulate", *places, *stroke, "--out", str(path))
+    assert line == "stroke: 2 m/s, heading 30 degrees, side 0.2 R, top -0.25 R, elevation 5 degrees"
+    expected = strike("real_pool", 2.0, np.pi / 6, 0.2, -0.25, np.pi / 36)
     shot = shot_records.load(path)
     assert list(shot.velocities[0]) == pytest.approx(expected.velocity.tolist(), rel=1e-15)
     assert shot.spins is not None
     assert list(shot.spins[0]) == pytest.approx(expected.spin.tolist(), rel=1e-15)
     towards = lines(capsys, "simulate", *places, "--speed", "2", "--side", "0.9")
-    assert towards[0] == "the tip slips on the ball: a miscue"
+    assert towards[1] == "the tip slips on the ball: a miscue"
+
+
+def test_simulate_warns_about_english_that_throws_nothing_and_about_a_speed_that_no_cue_gives(capsys):
+    smooth = "the balls of this scene have no friction: english throws no ball, unlike in --scene real_pool"
+    fast = "the cue ball begins at 59.1 m/s: a break is 10 to 12 m/s"
+    english = ["simulate", "--max-time", "0.1", "--speed", "2", "--side", "0.3"]
+    assert smooth in lines(capsys, *english, "--scene", "pool")
+    assert smooth in lines(capsys, *SHOT, "--scene", "pool", "--spin", "0", "0", "9")
+    assert smooth not in lines(capsys, *english)
+    assert smooth not in lines(capsys, *english, "--scene", "pool", "--side", "0")
+    assert fast in lines(capsys, *english[:3], "--speed", "45")
+    assert not any("a break" in line for line in lines(capsys, *english[:3], "--speed", "12"))
 
 
 @pytest.fixture
@@ -97,6 +111,23 @@ def test_a_number_may_be_negative_in_each_form(capsys):
         main(["simulate", "--velocity", *velocity.split(), "--spin", "-1e1", "-1/3", "-.5"])
         printed.append(capsys.readouterr().out)
     assert len(set(printed)) == 1
+
+
+def test_replay_counts_players_from_1(capsys, tmp_path):
+    setup = Setup("straight", Scene.named("pool", 1), target=1)
+    game = custom_opening(setup, [[0.97, 0.335], [1.07, 0.435]])
+    records.save(tmp_path / "game.json", records.record_game(History(setup, game, (Stroke((0.7, 0.7)),))))
+    assert lines(capsys, "replay", str(tmp_path / "game.json"))[0].endswith("won by player 1")
+
+
+def test_replay_lists_as_potted_what_fell_in_the_shot(capsys, tmp_path):
+    setup = Setup("straight", Scene.named("pool", 2))
+    game = custom_opening(setup, [[0.97, 0.335], [1.07, 0.435], [-0.5, 0.0]])
+    strokes = Stroke((0.7, 0.7)), Stroke((0.1, 0.0))
+    records.save(tmp_path / "game.json", records.record_game(History(setup, game, strokes)))
+    _, _, *printed = lines(capsys, "replay", str(tmp_path / "game.json"))
+    assert printed[:2] == ["  balls potted: none", "  balls not in play: 1"]
+    assert printed[printed.index("final positions, m") + 2] == "  ball 1  not in play"
 
 
 def test_replay_of_a_game_prints_its_state_and_a_shot(capsys, game, tmp_path):
@@ -179,7 +210,7 @@ def test_simulate_prints_the_positions_and_the_events_and_writes_the_motion(caps
     assert printed[printed.index("final positions, m") + 1].startswith("  ball 0  (")
     assert printed[printed.index("final positions, m") + 2] == "  ball 1  potted"
     assert re.fullmatch(r"   0\.802\d{3} s  ball 0 hits ball 1", next(line for line in printed if "hits ball" in line))
-    shot = simulate("pool", [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45], record=True)
+    shot = simulate("real_pool", [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45], record=True)
     rows = np.loadtxt(path, delimiter=",", skiprows=1)
     assert path.read_text().splitlines()[0] == "time,ball,x,y,vx,vy,wx,wy,wz"
     assert (rows[0] == [0, 0, -0.635, 0.0, 2.0, 0.45, 0, 0, 0]).all()
@@ -189,7 +220,7 @@ def test_simulate_prints_the_positions_and_the_events_and_writes_the_motion(caps
 def test_a_scene_can_be_a_file(capsys, tmp_path):
     """Also the report of a calibration and a saved shot, which hold a scene."""
     scene, report = tmp_path / "scene.json", tmp_path / "report.json"
-    data = {"base": "pool", "physics": {"mu_roll": 0.02}}
+    data = {"base": "real_pool", "physics": {"mu_roll": 0.02}}
     scene.write_text(json.dumps(data))
     report.write_text(json.dumps({"values": {}, "scene": Scene.from_dict(data).to_dict()}))
     first, *_ = lines(capsys, *SHOT)
@@ -214,6 +245,24 @@ def test_ctrl_c_is_one_line(capsys, monkeypatch):
     with pytest.raises(SystemExit, match="130"):
         main(["version"])
     assert capsys.readouterr().err == "\ninterrupted\n"
+
+
+def test_the_motion_of_a_flight_has_heights(capsys, tmp_path):
+    path, cue = tmp_path / "jump.csv", ["--scene", "jump_pool", "--speed", "4", "--elevation", "40"]
+    lines(capsys, "simulate", "--positions", "-0.635", "0", "0.635", "0.3", *cue, "--out", str(path))
+    assert path.read_text().startswith("time,ball,x,y,z,vx,vy,vz,wx,wy,wz\n")
+    time, z, vz = np.loadtxt(path, delimiter=",", skiprows=1)[::2, [0, 4, 7]].T
+    assert (z[0], z.max() > 0.1, vz.max() > 1.0) == (0.0, True, True)
+    in_air = (z[:-1] > 0.01) & (z[1:] > 0.01) & (np.diff(vz) < 0)
+    assert np.diff(vz)[in_air] == pytest.approx(-9.81 * np.diff(time)[in_air], abs=1e-9)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has other pipes")
+def test_a_closed_pipe_does_not_lose_the_file(tmp_path):
+    """Also if the output has no buffer, and a line comes before the result."""
+    command = f"{shlex.quote(sys.executable)} -u -m billiards_env simulate --speed 2 --side 0.9 --max-time 0.1"
+    subprocess.run(["bash", "-c", f"{command} --out {shlex.quote(str(tmp_path / 'shot.csv'))} | true"], check=True)
+    assert (tmp_path / "shot.csv").read_text().startswith("time,ball,x,y,vx")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has other pipes")
@@ -270,7 +319,9 @@ ERRORS = [
     ("bench nobody --tasks Pot1-v0", "player = 'nobody': expected one of"),
     ("evaluate nobody:nothing --beside", "player = 'nobody:nothing': "),
     ("evaluate random --task pott --beside", "task = 'pott': expected one of 'pot'"),
-    ("evaluate random --episodes 0 --beside", "--episodes = 0: expected a whole number >= 1"),
+    ("evaluate random --episodes 0 --beside", "--episodes = 0: expected a whole number from 1 to 10000000"),
+    ("evaluate random --noise 1 x --beside", "--noise[1] = 'x': expected a number, not str"),
+    ("evaluate random --noise nan 0 --beside", "--noise[0] = nan: expected a number from 0 to 360 degrees"),
 ]
 
 
@@ -298,6 +349,16 @@ def test_a_missing_extra_is_one_line(monkeypatch, tmp_path):
     with pytest.raises(SystemExit, match=r"error: matplotlib is not installed: expected the extra 'plot': pip install"):
         main([*SHOT, "--out", str(tmp_path / "shot.png")])
     assert not (tmp_path / "shot.png").exists()
+
+
+@pytest.mark.parametrize(
+    "command", ["simulate --balls", "evaluate random --seed", "play --width", "bench random --seed"]
+)
+def test_a_text_in_place_of_a_whole_number_is_refused(command, capsys):
+    with pytest.raises(SystemExit, match=r"^2$"):
+        main([*command.split(), "1.5"])
+    option = command.split()[-1]
+    assert capsys.readouterr().err.endswith(f"error: argument {option}: '1.5': expected a whole number\n")
 
 
 def test_unknown_options_are_refused(capsys):

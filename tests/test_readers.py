@@ -15,7 +15,7 @@ import yaml
 
 import studies
 from agents import config, train
-from agents.ppo import make_ppo, make_vec_env
+from agents.ppo import PPOTraining, make_ppo, make_vec_env
 from billiards_env import Scene, simulate
 from billiards_env.bench import benchmark as bench
 from billiards_env.calibration import read_tracks
@@ -71,17 +71,16 @@ def write_run(path: Path) -> None:
 
 
 @functools.cache
-def model() -> Any:
-    chosen = config.Config.from_dict(settings())
-    return make_ppo(chosen, make_vec_env(chosen))
+def training() -> PPOTraining:
+    chosen, training = config.Config.from_dict(settings()), PPOTraining.__new__(PPOTraining)  # without a folder
+    training.model = make_ppo(chosen, make_vec_env(chosen))
+    return training
 
 
 READERS = {
     "state": Reader("a.npz", write_state, lambda: load_state),
     "weights": Reader("a.pt", write_weights, lambda: functools.partial(load_weights, build_policy(ENV, POLICY))),
-    "checkpoint": Reader(
-        "256.zip", lambda path: train._save(model(), path), lambda: functools.partial(train._resume, model())
-    ),
+    "checkpoint": Reader("256.zip", lambda path: training().save(path), lambda: training().load),
     "shot": Reader("a.json", write_shot, lambda: records.load),
     "game": Reader("a.json", write_game, lambda: games.load),
     "scene": Reader(

@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 import yaml
 
-from agents.config import AIM_PPO, LIKELIHOOD, Config, load
-from agents.ppo import make_ppo, make_vec_env
+from agents.config import Config, load
+from agents.learners import LEARNERS
+from agents.ppo import AIM_PPO, make_ppo, make_vec_env
 from benchmarks import speed
 from billiards_env.envs import BilliardsEnv, arguments, make_env, make_vector_env, observations
 from billiards_env.envs.tasks import TASKS
@@ -156,11 +157,12 @@ def test_the_training_of_the_readme_is_the_row_that_make_train_trains():
     row = load("pot")
     (task,) = re.findall(r"^task = (.*?)  #", code, re.MULTILINE)
     shown, trained = (make_env(**env) for env in (ast.literal_eval(task), row.env))
-    assert repr(shown.model._replace(observe=None)) == repr(trained.model._replace(observe=None))
+    for name in trained.model.arguments:
+        assert getattr(shown, name) == getattr(trained, name)
     assert shown.observation_space == trained.observation_space
     assert re.findall(r"\.learn\(([\d_]+)", code) == [f"{row.timesteps:_}"]
     assert re.findall(r"num_envs=(\d+)", code) == [str(row.n_envs)]
-    assert row.ppo == AIM_PPO
+    assert row.settings == AIM_PPO
     assert "**PPO_SETTINGS)" in code
     assert "agents.train pot\n" in (ROOT / "Makefile").read_text(encoding="utf-8")
 
@@ -176,7 +178,8 @@ def test_the_configuration_shown_trains():
     texts = (code for language, _, code in FENCE.findall(PAGES["docs/training.md"]) if language == "yaml")
     by_likelihood, config = (Config.from_dict(yaml.safe_load(text)) for text in texts)
     assert (by_likelihood.learner, config.learner) == ("likelihood", "ppo")
-    assert by_likelihood.likelihood == LIKELIHOOD
+    defaults = {name: setting.default for name, setting in LEARNERS["likelihood"].settings.items()}
+    assert by_likelihood.settings == defaults
     envs = make_vec_env(config)
     model = make_ppo(config, envs)
     before = [weights.clone() for weights in model.policy.parameters()]

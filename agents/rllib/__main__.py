@@ -12,18 +12,63 @@ import os
 import shutil
 import time
 from collections import deque
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 
 from agents.cluster import connect
 from agents.config import Config
+from agents.learner import Training
 from agents.ppo import make_policy
 from agents.rllib.rollouts import as_tensors
-from agents.train import LearningCurve, locked, newest_checkpoint, one_fast_thread, open_run, train_command
-from billiards_env.sb3.weights import save_policy
-from billiards_env.support.commands import Parser
+from agents.train import open_run, train_command
+from agents.train import train as run
+from billiards_env.commands import Parser
+
+
+class RLlibTraining(Training):
+    """A training with PPO of RLlib. Ray must be running; `runners` as in `algorithm_config`."""
+
+    clock = staticmethod(time.perf_counter)
+
+    def __init__(self, config: Config, runners: int) -> None:
+        from agents.rllib.algorithm import ArrayPPO, algorithm_config  # imports Ray
+
+        self.policy, self._successes = make_policy(config), deque[bool](maxlen=1000)
+        self._algorithm: ArrayPPO = algorithm_config(config, runners).build_algo()
+        self._read()
+
+    def _read(self) -> None:
+        """Reads the weights and the number of steps of RLlib."""
+        self.policy.load_state_dict(as_tensors(self._algorithm.learner_group.get_weights()["default_policy"]))
+        self.shots = self._algorithm.steps
+
+    def restart(self) -> None:
+        """Seeds all random generators before the next shots."""
+        self._algorithm.seed_next = True
+
+    def update(self) -> float:
+        """Plays and learns from a batch."""
+        self._algorithm.train()
+        self._successes.extend(self._algorithm.successes)
+        self._read()
+        return float(np.mean(self._successes or [0.0]))
+
+    def save(self, path: Path) -> None:
+        """Writes a checkpoint, a folder. An interruption leaves no incomplete one."""
+        incomplete = path.with_name(f"incomplete.{path.stem}")
+        shutil.rmtree(incomplete, ignore_errors=True)
+        self._algorithm.save_to_path(str(incomplete.resolve()))
+        os.replace(incomplete, path.with_suffix(""))
+
+    def load(self, path: Path) -> None:
+        """Reads a checkpoint."""
+        self._algorithm.restore_from_path(str(path.resolve()))
+        self._read()
+
+    def close(self) -> None:
+        """Stops the processes that play."""
+        self._algorithm.stop()
 
 
 def train(config: Config, run_dir: Path, runners: int = 1) -> None:
@@ -38,42 +83,7 @@ def train(config: Config, run_dir: Path, runners: int = 1) -> None:
         OSError: If another process trains in the folder.
         ValueError: As in `algorithm_config`.
     """
-    from agents.rllib.algorithm import ArrayPPO, algorithm_config  # imports Ray
-
-    if (run_dir / "policy.pt").exists():
-        print(f"{run_dir} is trained already ({config.timesteps:,} shots); --fresh starts again")
-        return
-    policy, successes = make_policy(config), deque[bool](maxlen=1000)
-    with locked(run_dir), one_fast_thread():
-        algorithm: ArrayPPO = algorithm_config(config, runners).build_algo()
-        try:
-            if (checkpoint := newest_checkpoint(run_dir)) is not None:
-                algorithm.restore_from_path(str(checkpoint.resolve()))
-            print(f"{run_dir}: {algorithm.steps:,} of {config.timesteps:,} shots")
-            with closing(LearningCurve(config, run_dir, algorithm.steps, time.perf_counter)) as curve:
-                while True:
-                    steps = algorithm.steps
-                    if algorithm.seed_next or steps >= config.timesteps:
-                        policy.load_state_dict(as_tensors(algorithm.learner_group.get_weights()["default_policy"]))
-                        curve.measure(policy, steps, float(np.mean(successes or [0.0])))
-                    if steps >= config.timesteps:
-                        break
-                    algorithm.train()
-                    successes.extend(algorithm.successes)
-                    if algorithm.steps // config.checkpoint_every > steps // config.checkpoint_every:
-                        _save(algorithm, run_dir / "checkpoints" / f"{algorithm.steps:09d}")
-                        algorithm.seed_next = True
-        finally:
-            algorithm.stop()
-    save_policy(policy, run_dir / "policy.pt")
-
-
-def _save(algorithm: object, folder: Path) -> None:
-    """Writes a checkpoint. An interruption leaves no incomplete one."""
-    incomplete = folder.with_name(f"incomplete.{folder.name}")
-    shutil.rmtree(incomplete, ignore_errors=True)
-    algorithm.save_to_path(str(incomplete.resolve()))  # pyright: ignore[reportAttributeAccessIssue]
-    os.replace(incomplete, folder)
+    run(config, run_dir, lambda config, run_dir: RLlibTraining(config, runners))
 
 
 def main(arguments: list[str] | None = None) -> None:

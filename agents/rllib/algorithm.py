@@ -22,8 +22,8 @@ from ray.rllib.utils.metrics import ENV_RUNNER_RESULTS, NUM_ENV_STEPS_SAMPLED_LI
 from stable_baselines3.common.utils import set_random_seed
 from torch import Tensor
 
-from agents.config import ENV_ID, Config
-from agents.ppo import learning_rates, make_env, make_policy, training_seed
+from agents.config import Config
+from agents.ppo import ENV_ID, learning_rates, make_env, make_policy, training_seed
 from agents.rllib.rollouts import Rollouts, as_tensors
 from billiards_env.sb3.aim_policy import AimPolicy, by_value
 
@@ -217,7 +217,7 @@ def algorithm_config(config: Config, runners: int) -> PPOConfig:
     Raises:
         ValueError: If the environments cannot be shared, or the policy is not `AimPolicy`.
     """
-    ppo, players = config.ppo, max(runners, 1)
+    ppo, players = config.settings, max(runners, 1)
     if (unsupported := (config.policy["head"], config.start_from, config.learner)) != ("aim", None, "ppo"):
         raise ValueError(f"policy.head, start_from, learner = {unsupported}: expected 'aim', None and 'ppo' with RLlib")
     if runners < 0 or config.n_envs % players:

@@ -37,8 +37,8 @@ class Rollouts:
 
     def __init__(self, config: Config, n_envs: int, first: int) -> None:
         self.config, self.first, self.seeded = config, first, False
-        ppo = {**config.ppo, "batch_size": n_envs * config.ppo["n_steps"]}  # this model has no updates
-        part = dataclasses.replace(config, n_envs=n_envs, ppo=ppo)
+        settings = {**config.settings, "batch_size": n_envs * config.settings["n_steps"]}  # this model has no updates
+        part = dataclasses.replace(config, n_envs=n_envs, settings=settings)
         self.model = make_ppo(part, make_vec_env(part, threads=1))
         _, self._callback = self.model._setup_learn(0, None)
 

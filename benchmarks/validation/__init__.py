@@ -10,15 +10,20 @@ from __future__ import annotations
 from typing import Any
 
 from benchmarks.validation import collisions, cushions, motion, pockets, pooltool
+from billiards_env.commands import Job
 
 PARTS = {"motion": motion, "collisions": collisions, "cushions": cushions, "pockets": pockets, "pooltool": pooltool}
 
 
-def measure() -> dict[str, Any]:
-    """Returns the results of all parts."""
-    return {name: part.measure() for name, part in PARTS.items()}
+def measure(job: Job) -> dict[str, Any]:
+    """Returns the results of all parts. Each part is a job."""
+    result = {}
+    for name, part in PARTS.items():
+        with job(name):
+            result[name] = part.measure()
+    return result
 
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name."""
-    return {name: text for key, part in PARTS.items() for name, text in part.blocks(result[key]).items()}
+    return {name: text for key in result for name, text in PARTS[key].blocks(result[key]).items()}

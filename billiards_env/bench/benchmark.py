@@ -27,13 +27,13 @@ from numpy.typing import NDArray
 
 from billiards_env.bench.evaluation import evaluation_seeds, steps
 from billiards_env.bench.frozen import FROZEN, NAMESPACE
+from billiards_env.commands import error_text
 from billiards_env.envs.actions import action_named
+from billiards_env.intervals import interquartile_mean, mean_interval, wilson_interval
 from billiards_env.players.env_player import acting
 from billiards_env.players.named import find_player
 from billiards_env.shots import records
 from billiards_env.support.checks import Range, finite, integer, one_of, real, short
-from billiards_env.support.commands import error_text
-from billiards_env.support.intervals import interquartile_mean, mean_interval, wilson_interval
 
 EPISODES = 1000
 """The number of layouts of each task."""

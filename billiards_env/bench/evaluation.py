@@ -14,9 +14,9 @@ import numpy as np
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
+from billiards_env.intervals import mean_interval, wilson_interval
 from billiards_env.players.env_player import Act, acting
 from billiards_env.players.named import find_player
-from billiards_env.support.intervals import mean_interval, wilson_interval
 
 FIRST_EVALUATION_SEED = 2**31
 """Environment seeds are below this number in training, and not below it in evaluation."""

@@ -128,10 +128,10 @@ def _hits(i: int, j: int, one: tuple[Floats, Floats], two: tuple[Floats, Floats]
 
 
 def _missed_hits(scene: Scene, paths: Paths, cue_ball: int, contacts: Iterable[Contact]) -> Iterator[Contact]:
-    """Yields a hit for each other ball than the cue ball that begins to move without one.
+    """Yields a hit for each ball, except the cue ball, that begins to move but has no hit in `contacts`.
 
-    The other ball is the one whose distance is closest to contact. Hits are missed if rows are missing then, or if the
-    ball meets a cushion at once.
+    The hit is with the ball whose distance is closest to contact. A hit is not found if rows are missing at its time,
+    or if the ball meets a cushion at once.
     """
     hits = [contact for contact in contacts if contact.other >= 0]
     for ball, (t, p) in paths.items():

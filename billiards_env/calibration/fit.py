@@ -15,9 +15,9 @@ import numpy as np
 from billiards_env.calibration.preparation import PreparedTrack
 from billiards_env.calibration.starts import Normal, allowed, damped, errors, evaluate, settle
 from billiards_env.calibration.tracks import Floats
+from billiards_env.intervals import t_quantile
 from billiards_env.scene import PARAMETERS, Scene
 from billiards_env.support.checks import RANGES
-from billiards_env.support.intervals import t_quantile
 
 MANY = 8
 """Number of shots from which on intervals come from the spread over the shots."""

@@ -148,7 +148,7 @@ def prepare(scene: Scene, track: Track, noise: float, known: Floats | None = Non
 
 
 def _without_exchange(track: Track, exchanged: tuple[int, int, float, float]) -> Track:
-    """Returns a track with the right names of the two balls whose names are exchanged."""
+    """Returns a track in which the exchange of the names of two balls is undone."""
     one, two, begin, end = exchanged
     rows = (track.times >= begin) & (track.times <= end) & np.isin(track.balls, (one, two))
     return track._replace(balls=np.where(rows, one + two - track.balls, track.balls))

@@ -96,7 +96,7 @@ def _motion(batch: BatchResult, balls: Ints, times: Floats) -> tuple[Floats, Flo
     shots = np.arange(len(times))
     assert batch.log is not None
     paths, pieces = Trajectory.of(batch.log.segments), np.diff(batch.log.bounds[:, 1])  # of each shot
-    # A key orders by shot, by ball and by time. The last piece that begins at or before a time has its place.
+    # The keys sort the pieces by shot, ball and time. The last piece that begins at or before a time contains it.
     span = float(batch.time.max()) + 1.0
     owner = np.repeat(shots, pieces) * batch.scene.n_balls + paths.ball
     order = np.argsort(owner, kind="stable")  # those of a ball stay in the order of time
@@ -191,7 +191,7 @@ def allowed(scene: Scene, starts: Floats, shot: PreparedTrack) -> tuple[Floats, 
         inwards = (scene.table.clearance(at + steps) - scene.table.clearance(at - steps)).T / 2e-7
         places[close] += inwards * (radius[ball] - scene.table.clearance(at) + 1e-9)[:, None]
     for pocket in scene.table.pockets:
-        invalid |= (pocket.contains(places) & shot.in_play).any(axis=1)
+        invalid |= ((pocket.distance(places) < 0.0) & shot.in_play).any(axis=1)
     return moved, ~invalid
 
 

@@ -468,8 +468,8 @@ def _by_columns(
 def margins(shots: ShotResult | BatchResult, t: ArrayLike | None = None, threads: int | None = None) -> Margins:
     """Returns the signed distances to changes of outcome: of balls to balls, to pockets and to cushions.
 
-    Their derivatives are `jacobian(shot, "pocket_margins", "velocities")`, and the same of "ball_margins" and
-    "cushion_margins".
+    `jacobian(shot, "pocket_margins", "velocities")` returns their derivatives. "ball_margins" and "cushion_margins" are
+    used in the same way.
 
     Args:
         shots: A recorded shot or batch.

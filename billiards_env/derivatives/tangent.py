@@ -36,6 +36,7 @@ import itertools
 import linecache
 import textwrap
 from collections.abc import Callable, Collection, Iterator
+from types import FunctionType
 from typing import Any, NamedTuple, NoReturn
 
 from billiards_env.jit import inlined, kernel
@@ -84,6 +85,12 @@ class Tangent:
         exec(compile(source, file, "exec"), names)
         options = getattr(self.function, "targetoptions", {})
         return (inlined if options.get("forceinline") else kernel)(names[f"d_{self.plain.__name__}"])
+
+    @property
+    def code_parts(self) -> tuple[Any, ...]:
+        """What its machine code depends on, for `jit.code_hash`: the kernel, the maker of tangents and the rules."""
+        writer = [method for method in vars(_Writer).values() if isinstance(method, FunctionType)]
+        return self.plain, self.constant, _tangent.__wrapped__, writer
 
     @property
     def _numba_type_(self) -> Any:

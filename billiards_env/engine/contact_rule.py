@@ -193,9 +193,9 @@ def _ahead(n, place):
 
 @inlined
 def push_aside(flight, count, contacts, state, scene):  # out: contacts, state
-    """Pushes the balls of weak impacts aside that are almost exactly above one another.
+    """Pushes aside balls that meet in a weak impact and are almost exactly above one another.
 
-    With PIT, impacts that are faster by the speed that a ball gains if it falls for two steps are also weak. The
+    With PIT, the limit of a weak impact is higher by the speed that a ball gains in a fall of two timesteps. The
     function is called after the impulses of the impacts, and sets `Contacts.rebound` to zero. The result does not
     depend on the order of the contacts, because each ball has at most one such contact above it, and one below.
 

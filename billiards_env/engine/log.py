@@ -69,6 +69,22 @@ def empty_log(n_events: int = 0, n_segments: int = 0, n_shots: int = 0, flight: 
     return Log(events, segments, np.zeros(3, np.int64), np.zeros((n_shots, 2), np.int64))
 
 
+def with_room(log: Log, n_events: int, n_segments: int) -> Log:
+    """Returns a log with the same content, and room for a number of further events and segments."""
+    events = _with_rows(log.events, log.used[N_EVENTS_LOGGED], n_events)
+    segments = _with_rows(log.segments, log.used[N_SEGMENTS_LOGGED], n_segments)
+    return Log(events, segments, log.used, log.begins)
+
+
+def _with_rows(array: Floats, used: int, more: int) -> Floats:
+    """Returns an array with the same `used` rows, and room for more."""
+    if len(array) >= used + more:
+        return array
+    larger = np.empty((used + more, array.shape[1]))
+    larger[:used] = array[:used]
+    return larger
+
+
 class ShotLog(NamedTuple):
     """The events and trajectories of m recorded shots, one after the other.
 
@@ -87,10 +103,10 @@ class ShotLog(NamedTuple):
 
     @classmethod
     def of(cls, log: Log) -> ShotLog:
-        """Returns views of the rows of a `Log` that are in use."""
-        begins = log.begins if len(log.begins) else np.zeros((1, 2), np.int64)
-        n_events, n_segments = log.used[:2]
-        return cls(log.events[:n_events], log.segments[:n_segments], np.concatenate((begins, log.used[None, :2])))
+        """Returns views of the rows of a `Log` with `begins` that are in use."""
+        n_events, n_segments, n_shots = log.used
+        bounds = np.concatenate((log.begins[:n_shots], log.used[None, :2]))
+        return cls(log.events[:n_events], log.segments[:n_segments], bounds)
 
     def shots(self, begin: int, end: int) -> ShotLog:
         """Returns views of the rows of shots `begin` to `end` - 1."""
@@ -101,6 +117,8 @@ class ShotLog(NamedTuple):
 
 def joined(logs: Sequence[ShotLog]) -> ShotLog:
     """Returns the log of the shots of some logs, at least one."""
+    if len(logs) == 1:
+        return logs[0]
     ends = np.cumsum([log.bounds[-1] for log in logs], axis=0)
     bounds = [log.bounds[:-1] + end - log.bounds[-1] for log, end in zip(logs, ends, strict=True)]
     events, segments = (np.concatenate(rows) for rows in ([x.events for x in logs], [x.segments for x in logs]))

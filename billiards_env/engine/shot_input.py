@@ -357,7 +357,9 @@ def _check_in_air(scene: Scene, shot: ShotInput, z: Floats, flies: NDArray[np.bo
         meets = (apart < reach) & flying[k][:, None] & in_play[k] & ~np.eye(n, dtype=bool)
         if meets.any():
             i, j = np.argwhere(meets)[0].tolist()
-            raise ValueError(f"positions: balls {i} and {j} are {apart[i, j]} m apart: expected at least {reach} m")
+            raise ValueError(
+                f"positions: balls {i} and {j} are {short(apart[i, j])} m apart: expected at least {short(reach)} m"
+            )
 
 
 @entry_point
@@ -394,7 +396,9 @@ def _check_motion(scene: Scene, name: str, array: Floats, within: Range) -> None
     bad = np.argwhere(np.isinf(scene.balls.mass) & array.any(axis=-1))
     if len(bad):
         at = tuple(bad[0])
-        raise ValueError(f"{_entry(name, *at)} = {array[at].tolist()}: expected zero, the ball has an infinite mass")
+        raise ValueError(
+            f"{_entry(name, *at)} = {short(array[at].tolist())}: expected zero, the ball has an infinite mass"
+        )
 
 
 def _entry(name: str, *at: Any) -> str:

@@ -39,7 +39,7 @@ class Strike(NamedTuple):
 
 
 def strike(
-    scene: Scene,
+    scene: Scene | str,
     speed: ArrayLike,
     heading: ArrayLike,
     side: ArrayLike = 0.0,
@@ -52,7 +52,7 @@ def strike(
     centre of the ball, as seen along the cue.
 
     Args:
-        scene: The scene. Its motion must be "sliding", because a strike gives the ball spin.
+        scene: The scene, or a name of `Scene.named`. Its motion must be "sliding": a strike gives the ball spin.
         speed: Speed of the cue, m/s. A ball that is struck at its centre is faster than the cue.
         heading: Direction of the cue on the table, rad, counterclockwise from the x axis.
         side: Offset of the tip to the left (english), in ball radii.
@@ -68,11 +68,11 @@ def strike(
             the shapes do not broadcast, or the motion is not "sliding".
 
     Example:
-        >>> scene = Scene.named("pool")
-        >>> velocity, spin, miscue = strike(scene, speed=2.0, heading=0.0, side=0.3)
+        >>> velocity, spin, miscue = strike("pool", speed=2.0, heading=0.0, side=0.3)  # m/s, rad, ball radii
         >>> velocity.round(3).tolist(), spin[2].round(1).item(), bool(miscue)
         ([2.17, -0.066], -57.0, False)
     """
+    scene = Scene.named(scene) if isinstance(scene, str) else scene
     cue, parameters = checked_strike(scene, speed, heading, side, top, elevation)
     shape = parameters.shape[:-1]
     axes = 3 if scene.physics.flight else 2

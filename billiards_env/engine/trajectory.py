@@ -97,6 +97,13 @@ class Trajectory(NamedTuple):
         t = np.clip(self._since(pieces, times), 0.0, rows[:, LASTS])
         return np.where(flies, np.maximum(rows[:, Z] + t * (rows[:, VZ] - 0.5 * t * g), 0.0), 0.0)
 
+    def rises(self, ball: int, times: Floats, g: float) -> Floats:
+        """Returns the vertical velocities of a ball, (m,) m/s, as `velocities`; `g` is gravity."""
+        pieces = self._pieces(ball, times)
+        since, rows = self._since(pieces, times), self.rows[pieces]
+        flies = (self.phase[pieces] == AIRBORNE) & (since < rows[:, LASTS])
+        return np.where(flies, rows[:, VZ] - g * since, 0.0) if flies.any() else np.zeros(len(pieces))
+
     def velocities(self, ball: int, times: Floats) -> Floats:
         """Returns the velocities of a ball, (m, 2) m/s, at times (m,), s; at an event the velocity after it."""
         return self.velocities_on(self._pieces(ball, times), times)

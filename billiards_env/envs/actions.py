@@ -92,7 +92,7 @@ ACTIONS: Entries[Action] = {
         _frame("sum_to_three"),
     ),
 } | offered("action")
-"""The kinds of actions by name; attachments add whole numbers."""
+"""The kinds of actions by name. An attachment adds "plan", in which an action is a whole number."""
 
 
 def register_action(name: str, action: Action) -> None:

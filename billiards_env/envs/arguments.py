@@ -22,7 +22,7 @@ from billiards_env.games.game_state import MOST_PLAYERS, STATE
 from billiards_env.games.referee import GAMES
 from billiards_env.jit import streams
 from billiards_env.scene import Balls, Scene, check_ends_on_cloth, check_positions, check_ranges, layouts
-from billiards_env.shots.noise import EXECUTION_NOISE, check_scatter
+from billiards_env.shots.noise import EXECUTION_NOISE, SCATTER, check_scatter
 from billiards_env.support.checks import (
     Range,
     array_of,
@@ -30,6 +30,7 @@ from billiards_env.support.checks import (
     flag,
     integer,
     key_of,
+    numbers,
     one_of,
     real,
     shaped,
@@ -73,6 +74,7 @@ class Model(NamedTuple):
         can_call: Whether the players call, see `BilliardsEnv`.
         can_place: Whether the players place a cue ball in hand.
         scatter: The standard deviations of the scatter of the cushions, see `physics.scatter`; None for none.
+        arguments: The arguments by name, with the values that the environment uses in place of None.
     """
 
     scene: Scene
@@ -93,6 +95,7 @@ class Model(NamedTuple):
     can_call: bool = False
     can_place: bool = False
     scatter: NDArray[np.float64] | None = None
+    arguments: Mapping[str, Any] = {}
 
     @property
     def is_noisy(self) -> bool:
@@ -156,6 +159,7 @@ def make_model(
         ValueError: If an argument is invalid.
         TypeError: If an argument has the wrong type.
     """
+    given = dict(locals())  # at the start: the arguments alone
     players = integer("n_players", n_players, Range(1, MOST_PLAYERS))
     key = key_of("task", task, ChainMap(GAMES, TASKS))
     if players == 1 and key not in TASKS:
@@ -186,7 +190,7 @@ def make_model(
     if setup is not None and short_name(layout) not in (names := setup.game_rules.layouts):
         expected = ", ".join(map(repr, names))
         raise ValueError(f"layout = {layout!r} with n_players = {players}: expected one of {expected}")
-    return Model(
+    model = Model(
         scene=board,
         task=task,
         targets=targets,
@@ -206,6 +210,18 @@ def make_model(
         can_place=flag("can_place", can_place) and setup is not None and setup.game_rules.pockets,
         scatter=check_scatter(scatter),
     )
+    return model._replace(arguments=_used(given, model))
+
+
+def _used(given: Mapping[str, Any], model: Model) -> dict[str, Any]:
+    """Returns the arguments of `make_model` by name, with the values of its model."""
+    used = {name: getattr(model, name) for name in given.keys() & set(Model._fields)}
+    used |= dataclasses.asdict(model.engine) | {"n_object_balls": model.scene.n_balls - 1, "n_players": model.n_players}
+    if model.setup is not None:
+        used |= {name: getattr(model.setup, name) for name in ("target", "miss", "edition", "innings")}
+    for name, usual in ("noise", EXECUTION_NOISE), ("scatter", SCATTER):
+        used[name] = None if given[name] is None else {**usual, **given[name]}
+    return {**given, **used}
 
 
 def model_of(maker: Callable[..., Any], arguments: Mapping[str, Any]) -> Model:
@@ -378,6 +394,39 @@ def fixed() -> Any:
     return _Fixed()
 
 
+class OfArguments:
+    """The arguments of an environment as attributes, with the values that it uses. Only the constructor sets them."""
+
+    scene: Scene = fixed()
+    task: str = fixed()
+    n_object_balls: int = fixed()
+    mode: str = fixed()
+    dt: float | None = fixed()
+    fix: str | None = fixed()
+    action: str = fixed()
+    max_shots: int = fixed()
+    max_speed: float = fixed()
+    layout: str = fixed()
+    observe: Any = fixed()
+    goal_radius: float = fixed()
+    scratch_penalty: float = fixed()
+    randomize: dict[str, tuple[float, float]] = fixed()
+    noise: Mapping[str, float] | None = fixed()
+    noise_seed: int | None = fixed()
+    scatter: Mapping[str, float] | None = fixed()
+    n_players: int = fixed()
+    target: int | None = fixed()
+    can_call: bool = fixed()
+    can_place: bool = fixed()
+    miss: bool = fixed()
+    edition: str | None = fixed()
+    innings: int = fixed()
+
+    def _set_arguments(self, arguments: Mapping[str, Any]) -> None:
+        for name, value in arguments.items():
+            setattr(self, name, value)
+
+
 def plain(value: Any) -> Any:
     """Returns an argument of an environment as plain data: a scene as a dict, numbers of NumPy as those of Python."""
     if isinstance(value, Scene):
@@ -445,12 +494,12 @@ def check_options(
     if model.setup is not None and ("positions" in options or "state" in options):
         positions, states = _custom_openings(model, options, mask)
     elif "positions" in options:
-        name, shape = "options['positions']", (*many, scene.n_balls, 2)
-        in_play = None if mask is None else np.broadcast_to(mask[:, None], shape[:2])
-        positions = check_positions(scene, shaped(name, options["positions"], shape), name, in_play)
-        positions = positions.reshape(-1, *shape[-2:])
+        name, shape = "options['positions']", (scene.n_balls, 2)
+        in_play = None if mask is None else np.broadcast_to(mask[:, None], (*many, scene.n_balls))
+        positions = check_positions(scene, _for_each(name, options["positions"], many, shape), name, in_play)
+        positions = positions.reshape(-1, *shape)
     if "goal" in options:
-        goals = shaped("options['goal']", options["goal"], (*many, 2)).reshape(*many, 1, 2)
+        goals = _for_each("options['goal']", options["goal"], many, (2,)).reshape(*many, 1, 2)
         in_play = None if mask is None else mask[:, None]
         goals = check_positions(cue_ball_alone(scene), goals, "options['goal'] as a position of the cue ball", in_play)
         goals = goals.reshape(-1, 1, 2)
@@ -467,6 +516,12 @@ def check_options(
     return ResetOptions(positions, goals, physics, seeds, states)
 
 
+def _for_each(name: str, value: Any, many: tuple[int, ...], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Returns a copy of an array (*many, *shape); one array of the shape `shape` is repeated for all environments."""
+    array = numbers(name, value)
+    return shaped(name, np.broadcast_to(array, (*many, *shape)) if array.shape == shape else array, (*many, *shape))
+
+
 def _custom_openings(
     model: Model, options: Mapping[str, Any], mask: NDArray[np.bool_] | None
 ) -> tuple[NDArray[np.float64], NDArray[Any]]:
@@ -477,8 +532,8 @@ def _custom_openings(
         raise ValueError("options['state'] without options['positions']: expected both")
     assert model.setup is not None
     m = 1 if mask is None else len(mask)
-    shape = (*(() if mask is None else mask.shape), model.scene.n_balls, 2)
-    positions = shaped("options['positions']", options["positions"], shape).reshape(m, *shape[-2:])
+    many, shape = () if mask is None else mask.shape, (model.scene.n_balls, 2)
+    positions = _for_each("options['positions']", options["positions"], many, shape).reshape(m, *shape)
     states = np.zeros(m, STATE)
     for k in range(m):
         if mask is None or mask[k]:
@@ -496,7 +551,7 @@ def _checked_physics(
     for key, values in numbers.items():
         one_of("key of options['physics']", key, tuple(ranges))
         name, (low, high) = f"options['physics'][{key!r}]", ranges[key]
-        array = shaped(name, values, () if mask is None else mask.shape)
+        array = _for_each(name, values, () if mask is None else mask.shape, ())
         checked[key] = np.atleast_1d(array)
         bad = array[(True if mask is None else mask) & ~((low <= array) & (array <= high))]
         if bad.size:

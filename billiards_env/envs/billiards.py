@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.doors import load
 from billiards_env.engine import Engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
-from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, model_of
+from billiards_env.envs.arguments import Model, OfArguments, check_options, fixed, json_spec, model_of
 from billiards_env.envs.episodes import Episodes, SpareEpisodes, noise_stream
 from billiards_env.envs.goal_observations import compute_reward
 from billiards_env.envs.observations import decode
@@ -39,7 +39,7 @@ FPS_OF_SHOTS = 1
 _ONE = np.ones(1, np.bool_)
 
 
-class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
+class BilliardsEnv(OfEpisodes, OfArguments, gym.Env[Any, Any]):
     """A billiards table on which each action is one shot.
 
     ## Description
@@ -318,8 +318,10 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     | `innings`         | int           | `0`          | innings of each player of carom; 0: no limit          |
     | `render_mode`     | str or None   | `None`       | `"human"`, `"rgb_array"` or `"rgb_array_list"`        |
 
-    These are the arguments of `gym.make` and of `make_env`. The constructor instead takes a `Model`, which
-    `make_model` returns after a check of the arguments.
+    These are the arguments of `gym.make` and of `make_env`. Each is also an attribute of the environment, such as
+    `env.unwrapped.max_shots`, with the value that the environment uses. It cannot be assigned: other arguments need
+    another environment. The constructor instead takes a `Model`, which `make_model` returns after a check of the
+    arguments.
 
     - `scene` is a name, a `Scene`, or a mapping for `Scene.from_dict`, such as `{"base": "real_pool", "n_object_balls":
       9, "physics": {"mu_roll": 0.012}}`. By default it is `"carom"` in `"carom"` and `"three_cushion"`,
@@ -333,7 +335,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
       m) and "elevation_std" (degrees) to numbers. Missing ones are 0.125, 0.075, 0.0005 and 0.1, those of the pool
       tournaments at the Computer Olympiad (Smith 2007, PickPocket: A computer billiards shark). The speed stays
       between 0 and `max_speed`. A shot of speed 0 stays at speed 0. An action is clipped before the noise is added.
-    - `scatter` gives each impact on a cushion random differences, see `physics.scatter`. It maps "normal_std",
+    - `scatter` adds random differences to each impact on a cushion, see `physics.scatter`. It maps "normal_std",
       "along_std" and "spin_std" to numbers. Missing ones have the values of a real table, `shots.noise.SCATTER`.
     - `fix` is a name in `billiards_env.engine.overlaps.TREATMENTS`; None means the first, `"push_apart"`.
     - `"module:name"` names a task, a scene, a layout, a feature or an action that a package of yours registers.
@@ -369,12 +371,7 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
     _spec = None
     spec = json_spec
     model: Model = fixed()
-    scene: Scene = fixed()
-    task: str = fixed()
     engine: Engine = fixed()
-    action: str = fixed()
-    max_speed: float = fixed()
-    observe: Any = fixed()
     features: dict[str, tuple[int, ...]] = fixed()
 
     def __init__(self, model: Model, render_mode: str | None = None) -> None:
@@ -382,16 +379,14 @@ class BilliardsEnv(OfEpisodes, gym.Env[Any, Any]):
             raise TypeError(f"model = {short(model)}: expected a Model from make_model; make_env takes arguments")
         if render_mode is not None:
             one_of("render_mode", render_mode, RENDER_MODES)
-        self.model, self.render_mode = model, render_mode
-        self.scene, self.task, self.engine = model.scene, model.task, model.engine
-        self.action, self.max_speed = model.action, model.max_speed
+        self.model, self.engine, self.render_mode = model, model.engine, render_mode
         if render_mode == "rgb_array":
             self.metadata = {**self.metadata, "render_fps": FPS_OF_SHOTS}
-        self._renderer = None if render_mode is None else load("render_mode")(self.scene, render_mode)
+        self._renderer = None if render_mode is None else load("render_mode")(model.scene, render_mode)
         self._own: Episodes | None = Episodes(1, model, 0 if self._renderer is None else 1)
         self._spare = SpareEpisodes(self._own)
         self.features = self._episodes.observer.features
-        self.observe = self._episodes.observer.names
+        self._set_arguments({**model.arguments, "observe": self._episodes.observer.names})
         self.action_space: Any = gym.spaces.Box(-1.0, 1.0, (sum(model.n_numbers),), np.float32)
         if self._episodes.choices:
             self.action_space = gym.spaces.Discrete(self._episodes.choices)

@@ -44,7 +44,7 @@ from billiards_env.scene.layouts import Drawer, layout_plan
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import run_shot
 from billiards_env.shots.tables import Tables
-from billiards_env.support.checks import short, short_name
+from billiards_env.support.checks import is_foreign, real, short, short_name
 
 if TYPE_CHECKING:
     from billiards_env.games.playing import GameState, Stroke
@@ -102,6 +102,7 @@ class Episodes:
         self._numbers = kept(tuple(numbers))
         self._run_shots = Typed(run_shots_of(model.engine, scene.n_balls))
         self._start, self._begin, self._keep_seeds = Typed(start_shots), Typed(begin_episodes), Typed(keep_seeds)
+        self._has_foreign_judge = setup is None and is_foreign(entry.judge)
         self._score: Any = Typed(scoring(entry.judge)) if setup is None else None
         self._game: Any = None
         if setup is not None:
@@ -396,6 +397,9 @@ class Episodes:
             self._score.call(begin, end, self._numbers, self._arrays, rewards)
         else:
             self._game.score(begin, end, self._numbers, self._arrays, self.turns, rewards)
+        if self._has_foreign_judge:
+            for reward in rewards[begin:end][~np.isfinite(rewards[begin:end])]:
+                real(f"reward of task {model.task!r}", reward)  # raises
         self.observe(begin, end, observations)
         if self.choices:
             self._write_mask(begin, end, ~over)

@@ -33,7 +33,18 @@ from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import distance_to_segment
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
-from billiards_env.support.checks import Range, add_entry, entry_of, integer, key_of, result_of, sequence, short
+from billiards_env.support.checks import (
+    Range,
+    add_entry,
+    entry_of,
+    integer,
+    is_foreign,
+    key_of,
+    real,
+    result_of,
+    sequence,
+    short,
+)
 
 _LEEWAY = 1e-9  # m, by which a path may overlap a ball, because the positions of balls that touch are rounded
 
@@ -437,7 +448,8 @@ FEATURES: Entries[Feature] = {
 def register_feature(name: str, feature: Feature) -> None:
     """Adds a feature of another package to `FEATURES`. The errors are those of `checks.add_entry`."""
     reads = 3 if isinstance(feature, Feature) and feature.is_image else 1  # an image has a height and a width
-    add_entry("feature", name, feature, FEATURES, Feature, reads=reads)
+    least = Range(float(np.finfo(np.float32).min), 1.0)
+    add_entry("feature", name, feature, FEATURES, Feature, {"low": least}, reads=reads)
 
 
 ROW = "observation"
@@ -498,7 +510,7 @@ class Observer:
             self.features[name] = shape
         if not names or len(self.features) < len(names):
             raise ValueError(f"observe = {short(observe)}: expected at least one feature, and each of them once")
-        lows = [np.broadcast_to(FEATURES[name].low, shape).ravel() for name, shape in row_of(self.features).items()]
+        lows = [_lows(name, shape).ravel() for name, shape in row_of(self.features).items()]
         spaces: dict[str, Any] = {}
         if lows:
             low = np.concatenate(lows).astype(np.float32)
@@ -518,6 +530,7 @@ class Observer:
         if self._has_goal:
             writers |= {ACHIEVED: achieved_writer(self._task.condition), DESIRED: write_desired}
         self._write = {name: Typed(writer) for name, writer in writers.items()}
+        self._foreign = [name for name in row_of(self.features) if is_foreign(FEATURES[name].write)]
         self._bind()
 
     def _bind(self) -> None:
@@ -563,6 +576,25 @@ class Observer:
         """Writes the observations, memory from `new`, of the episodes from `begin` to `end - 1`."""
         for key, write, arguments in self._writers:
             write.call(begin, end, observations[key] if self._is_dict else observations, *arguments)
+        if self._foreign:
+            self._check(decode(nth(observations, slice(begin, end)), self.features))
+
+    def _check(self, observations: Mapping[str, NDArray[Any]]) -> None:
+        """Raises a ValueError if a feature of another package has a number that is not in its range."""
+        for name in self._foreign:
+            numbers, lows = np.broadcast_arrays(observations[name], _lows(name, self.features[name]))
+            wrong = ~((lows <= numbers) & (numbers <= 1.0))  # True for a NaN
+            for number, low in zip(numbers[wrong], lows[wrong], strict=True):
+                real(f"feature {name!r}", number, Range(low.item(), 1.0))  # raises
+
+
+def _lows(name: str, shape: tuple[int, ...]) -> NDArray[Any]:
+    """Returns the least values of the numbers of a feature."""
+    low = FEATURES[name].low
+    if np.shape(low) not in ((), shape[-1:]):
+        expected = f"one number, or one for each number of the last axis of {shape}"
+        raise ValueError(f"low of feature {name!r} = {short(low)}: expected {expected}")
+    return np.broadcast_to(np.asarray(low, np.float32), shape)
 
 
 def row_of(features: Mapping[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]]:
@@ -570,8 +602,8 @@ def row_of(features: Mapping[str, tuple[int, ...]]) -> dict[str, tuple[int, ...]
     return {name: shape for name, shape in features.items() if not FEATURES[name].is_image}
 
 
-def nth(observations: Any, k: int) -> Any:
-    """Returns observation k of an array or of a dict of arrays."""
+def nth(observations: Any, k: int | slice) -> Any:
+    """Returns observation k, or some observations, of an array or of a dict of arrays."""
     return {key: array[k] for key, array in observations.items()} if isinstance(observations, dict) else observations[k]
 
 

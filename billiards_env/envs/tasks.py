@@ -28,7 +28,7 @@ from billiards_env.games.referee import GAMES, first_state, judged, legal_balls
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
-from billiards_env.support.checks import add_entry, entry_of, short_name
+from billiards_env.support.checks import RANGES, Range, add_entry, entry_of, short_name
 
 
 @kernel
@@ -284,6 +284,14 @@ TASKS = {
     ),
 }
 
+_RANGES = {
+    "n_object_balls": Range(0, None),
+    "n_targets": Range(0, None),
+    "max_shots": RANGES["max_shots"],
+    "goal_radius": Range(0.0, RANGES["length"].most, "m"),
+    "cushions": Range(0, None),
+}
+"""The ranges of the numbers of a `Task`."""
 
 GAME_SHOTS = 200
 """The default of `max_shots` of a game of several players."""
@@ -291,7 +299,7 @@ GAME_SHOTS = 200
 
 def register_task(name: str, task: Task) -> None:
     """Adds a task of another package to `TASKS`. The errors are those of `checks.add_entry`."""
-    add_entry("task", name, task, TASKS, Task, judge=3, condition=3)
+    add_entry("task", name, task, TASKS, Task, _RANGES, judge=3, condition=3)
 
 
 def task_of(name: str, n_players: int = 1) -> Task:

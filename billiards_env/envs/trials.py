@@ -32,6 +32,7 @@ class Outcomes(NamedTuple):
     Attributes:
         observations: (m, size) the observations after the shots, or a dict of arrays.
         rewards: (m,) float64.
+        terminated: (m,) bool, whether the episodes are over.
         infos: The keys of `info` after a step, except `episode_seed`, each an array with m rows.
         states: (m,) the states after the shots, see `envs.snapshots`. An episode that is not over can continue from
             them. Without `noise` they have the stream of the noise from before the shots.
@@ -39,6 +40,7 @@ class Outcomes(NamedTuple):
 
     observations: Any
     rewards: NDArray[np.float64]
+    terminated: NDArray[np.bool_]
     infos: dict[str, NDArray[Any]]
     states: EpisodeState
 
@@ -85,8 +87,10 @@ class Trials:
                 own = checked_state(states, episodes.kind, self._without_noise, m)
             elif len(own) not in (1, m):
                 raise ValueError(f"actions: expected {len(own)}, one for each environment, not {m}")
-            if (own["over"] | ~own["begun"]).any():
-                raise ResetNeeded("An episode has not begun or is over: call reset() before try_actions()")
+            ended = np.flatnonzero(own["over"] | ~own["begun"])
+            if len(ended):
+                row = f"environment {ended[0]}" if states is None else f"states[{ended[0]}]"
+                raise ResetNeeded(f"{row} has not begun or is over: call reset(), or leave out the `terminated` rows")
             episodes.put(rows, own)
             episodes.model = self._without_noise
             if noise is not None and self._model.is_noisy:
@@ -102,4 +106,5 @@ class Trials:
                 name: array for part in (*episodes.of_shots, *episodes.of_episode) for name, array in part.items()
             }
             infos = {name: array[:m].copy() for name, array in arrays.items() if name != "episode_seed"}
-            return Outcomes(observations, rewards, infos, episodes.take(rows))
+            over = episodes.state.over[:m].copy()
+            return Outcomes(observations, rewards, over, infos, episodes.take(rows))

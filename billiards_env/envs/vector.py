@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.doors import load
 from billiards_env.engine import parallel_for
 from billiards_env.engine.shots import AT_EVENT_LIMIT
-from billiards_env.envs.arguments import Model, check_options, fixed, json_spec, model_of
+from billiards_env.envs.arguments import Model, OfArguments, check_options, fixed, json_spec, model_of
 from billiards_env.envs.billiards import FPS, RENDER_MODES, BilliardsEnv
 from billiards_env.envs.episodes import Episodes, noise_key, noise_stream
 from billiards_env.envs.info import copied_info, masked_info, with_starts
@@ -25,7 +25,7 @@ from billiards_env.envs.observations import nth
 from billiards_env.envs.snapshots import SPACES, EpisodeState, OfEpisodes, checked_state, copied
 from billiards_env.envs.trials import Outcomes, Trials
 from billiards_env.jit import streams
-from billiards_env.support.checks import integer, one_of, shaped, short
+from billiards_env.support.checks import integer, one_of, shaped, short, suggestion
 
 Bools = NDArray[np.bool_]
 
@@ -52,7 +52,7 @@ class _NamesItsAdapter(type):
         return f"{super().__repr__()} (Stable-Baselines3 needs billiards_env.sb3.SameStepVecEnv(envs))"
 
 
-class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsAdapter):
+class BilliardsVectorEnv(OfEpisodes, OfArguments, VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsAdapter):
     """A vector of `BilliardsEnv` that plays all shots of a step in compiled code on several threads.
 
     `gym.make_vec("Billiards-v0", num_envs)` returns this environment. Its results, including the infos, equal those of
@@ -75,6 +75,8 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
     | `state`        | mapping            | the state of all games, see `games.custom_opening`                    |
     | `episode_seed` | `(num_envs, 8)`    | seeds of earlier episodes, as in `infos`, which begin again           |
     | `reset_mask`   | `(num_envs,)` bool | the environments to reset; the others continue their episodes         |
+
+    Positions `(n, 2)`, a goal `(2,)` or one number of `physics` apply to all environments.
 
     ## Autoreset
 
@@ -149,6 +151,7 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
             warn_of_wrong_returns()
         self.threads = None if threads is None else integer("threads", threads, "threads")
         self.single_env = env = BilliardsEnv(model, render_mode)
+        self._set_arguments({name: getattr(env, name) for name in model.arguments})
         self.render_mode = render_mode
         self._renderer = None if render_mode is None else load("render_mode")(model.scene, render_mode, self.num_envs)
         self.metadata = {**BilliardsVectorEnv.metadata, **env.metadata, "autoreset_mode": self.autoreset_mode}
@@ -291,12 +294,19 @@ class BilliardsVectorEnv(OfEpisodes, VectorEnv[Any, Any, NDArray[Any]], metaclas
             values: A value, or a list or tuple with the same value for each environment, because they are one object.
 
         Raises:
-            AttributeError: If only the constructor sets the attribute, such as `max_speed`.
+            AttributeError: If a `BilliardsEnv` has no such attribute, or only the constructor or the episodes set it,
+                such as `max_speed` and `positions`.
             ValueError: If the values differ.
         """
         values = list(values) if isinstance(values, (list, tuple)) else [values] * self.num_envs
         if len(values) != self.num_envs or any(value is not values[0] for value in values):
             raise ValueError(f"{name} = {short(values)}: expected one value for all {self.num_envs} environments")
+        what = f"{name} = {short(values[0])}: expected"
+        declared = getattr(BilliardsEnv, name, None)
+        if name in _OF_EACH or (isinstance(declared, property) and declared.fset is None):
+            raise AttributeError(f"{what} no change; use the seed or the options of reset, or set_state")
+        if not hasattr(self.single_env, name):
+            raise AttributeError(f"{what} an attribute of BilliardsEnv{suggestion(name, [*vars(OfArguments)])}")
         setattr(self.single_env, name, values[0])
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:

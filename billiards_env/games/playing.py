@@ -46,6 +46,7 @@ from billiards_env.games.game_state import (
 from billiards_env.games.placement import cue_ball_point
 from billiards_env.games.referee import GAMES, callable_balls, first_state, legal_balls
 from billiards_env.games.transition import call_without_shots_of, look_at_games_of, next_games, table_of
+from billiards_env.jit import kernels_of
 from billiards_env.scene import Scene, check_ends_on_cloth, check_positions, check_scene, layouts
 from billiards_env.scene.outline import Point
 from billiards_env.shots.result import ShotResult
@@ -418,7 +419,8 @@ def _looked_at(setup: Setup, positions: NDArray[np.float64], state: Any) -> Any:
     """Returns a state after `Game.look` at the balls at rest."""
     states = np.array([state], STATE)
     if setup.game_rules.look is not no_look:
-        look_at_games_of(setup.game_rules)(setup.placement_table, positions[None], states)
+        with kernels_of(f"rules = {setup.rules!r}"):
+            look_at_games_of(setup.game_rules)(setup.placement_table, positions[None], states)
     return states[0]
 
 
@@ -464,7 +466,8 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     facts, call = facts_of(shot), stroke.call
     called = row(Called(call.ball, CALLS.index(call.kind), (call.ball, call.pocket) in shot.pots))
     shots = (np.array([one], kind) for one, kind in ((state, STATE), (facts, FACTS), (called, CALL)))
-    (positions,), (following,), (verdict,) = next_games(setup.game_rules, scene, shot.positions[None], *shots)
+    with kernels_of(f"rules = {setup.rules!r}"):
+        (positions,), (following,), (verdict,) = next_games(setup.game_rules, scene, shot.positions[None], *shots)
     before = game._replace(before=None) if following.choices >> REPLACE & 1 else None
     return PlayedShot(GameState(positions, following, before), shot_input, shot, facts, verdict)
 
@@ -473,14 +476,19 @@ def _without_shot(setup: Setup, game: GameState, call: Call) -> GameState:
     """Returns the state after a player has played no shot, by a call of `NO_SHOT`."""
     now, before = ((one.positions[None].copy(), np.array([one.state], STATE)) for one in (game, game.before or game))
     calls = np.array([row(Called(kind=CALLS.index(call.kind)))], CALL)
-    call_without_shots_of(setup.game_rules)(setup.placement_table, calls, *now, before)
+    with kernels_of(f"rules = {setup.rules!r}"):
+        call_without_shots_of(setup.game_rules)(setup.placement_table, calls, *now, before)
     (positions,), (state,) = now
     return GameState(positions, state)
 
 
-def check_stroke(scene: Scene, stroke: Stroke) -> None:
-    """Raises a TypeError or a ValueError unless a stroke has numbers within their ranges, see `checks.RANGES`."""
-    for name, value, kind in (("stroke", stroke, Stroke), ("stroke.call", getattr(stroke, "call", None), Call)):
+def check_stroke(scene: Scene, stroke: Stroke, of: str = "") -> None:
+    """Raises a TypeError or a ValueError unless a stroke has numbers within their ranges, see `checks.RANGES`.
+
+    `of` follows the names in the messages, such as " of player 'mine'".
+    """
+    call = getattr(stroke, "call", None)
+    for name, value, kind in ((f"stroke{of}", stroke, Stroke), (f"stroke.call{of}", call, Call)):
         if not isinstance(value, kind):
             raise TypeError(f"{name} = {short(value)}: expected the type {kind.__name__}, not {type(value).__name__}")
     axes = (2, 3) if scene.physics.flight else (2,)
@@ -489,9 +497,9 @@ def check_stroke(scene: Scene, stroke: Stroke) -> None:
         if name == "place" and values is None:
             continue
         right = isinstance(values, (list, tuple, np.ndarray)) and len(values) in counts
-        _expect(right, f"stroke.{name} = {short(values)}", f"{('two', 'three')[counts[0] - 2]} numbers")
+        _expect(right, f"stroke.{name}{of} = {short(values)}", f"{('two', 'three')[counts[0] - 2]} numbers")
         for i, value in enumerate(values):
-            real(f"stroke.{name}[{i}]", value, within)
+            real(f"stroke.{name}[{i}]{of}", value, within)
 
 
 def _check_rules(setup: Setup, state: Any, stroke: Stroke) -> None:

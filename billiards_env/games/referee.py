@@ -19,9 +19,13 @@ from billiards_env.games.entry import Game
 from billiards_env.games.game_state import (
     BEHIND,
     BREAKING_FOUL,
+    CALLS,
+    MOST_BALLS,
+    MOST_PLAYERS,
     NO_FOUL,
     NO_RERACK,
     NOT_IN_HAND,
+    PUSH_OUT,
     RERACK_ALL,
     VERDICT,
     RulesState,
@@ -30,8 +34,8 @@ from billiards_env.games.game_state import (
     set_of,
     write_verdict,
 )
-from billiards_env.jit import inlined, specialised
-from billiards_env.support.checks import add_entry, entry_of
+from billiards_env.jit import inlined, kernels_of, specialised
+from billiards_env.support.checks import Range, add_entry, entry_of, one_of, sequence
 
 FAMILIES = pool, one_pocket, bank_pool, blackball, snooker, carom
 """The modules with the rules of the games."""
@@ -45,13 +49,30 @@ ARGUMENTS = {
 }
 """The number of arguments of each function of a `Game`."""
 
+_RANGES = {
+    "n_object_balls": Range(1, MOST_BALLS - 1),
+    "n_players": Range(2, MOST_PLAYERS),
+    "cue_balls": Range(0, MOST_BALLS - 1),
+    "deciding_ball": Range(-1, MOST_BALLS - 1),
+    "cushions": Range(0, None),
+    "sure_pot": Range(0, None),
+}
+"""The ranges of the numbers of a `Game`."""
+
 GAMES: dict[str, Game] = {name: game for family in FAMILIES for name, game in family.GAMES.items()}
 """The games by name."""
 
 
 def register_game(name: str, game: Game) -> None:
     """Adds a game of another package to `GAMES`. The errors are those of `checks.add_entry`."""
-    add_entry("game", name, game, GAMES, Game, **ARGUMENTS)
+    if isinstance(game, Game):
+        for attribute in ("layouts", "cue_balls", "editions"):
+            if getattr(game, attribute) == ():
+                raise ValueError(f"{attribute} of game {name!r} = (): expected at least one")
+        for attribute, names in (("choices", CALLS[PUSH_OUT:]), ("without_safety", game.editions)):
+            for one in sequence(f"{attribute} of game {name!r}", getattr(game, attribute)):
+                one_of(f"{attribute} of game {name!r}", one, names)
+    add_entry("game", name, game, GAMES, Game, _RANGES, **ARGUMENTS)
 
 
 @inlined
@@ -73,8 +94,8 @@ def judged(judge, state, facts, call):
         state.breaker = state.player
     state.idle = 0 if verdict.foul != NO_FOUL or verdict.points != 0 or facts.potted != 0 else state.idle + 1
     player, following = state.player, (state.player + 1) % state.n_players
-    state.scores[player] += verdict.points
-    state.scores[following] += verdict.penalty
+    state.scores[player] += verdict.points | 0  # does not compile for a float, which NumPy would round
+    state.scores[following] += verdict.penalty | 0
     # A breaking foul is not one of three consecutive fouls (WPA 4.11); the third one clears the count.
     fouled = verdict.foul != NO_FOUL and verdict.foul != BREAKING_FOUL and verdict.rack != RERACK_ALL
     state.fouls[player] = state.fouls[player] + 1 if fouled else 0
@@ -122,7 +143,8 @@ def judge_shots(
         raise ValueError(f"states, facts and calls of lengths {lengths}: expected one length")
     check_indices(states)
     following, verdicts = states.copy(), np.zeros(len(states), VERDICT)
-    _judging(kernel)(following, facts, calls, verdicts)
+    with kernels_of(f"game = {game!r}"):
+        _judging(kernel)(following, facts, calls, verdicts)
     return following, verdicts
 
 
@@ -158,7 +180,7 @@ def legal_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) -> 
     Raises:
         ValueError: If the game is unknown.
     """
-    return _balls(entry_of("game", game, GAMES).legal, states, players)
+    return _balls(game, entry_of("game", game, GAMES).legal, states, players)
 
 
 def callable_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -170,7 +192,7 @@ def callable_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) 
     kernel = entry_of("game", game, GAMES).callable
     if kernel is None:
         raise ValueError(f"game = {game!r}: expected a game with called shots")
-    return _balls(kernel, states, players)
+    return _balls(game, kernel, states, players)
 
 
 judge, legal = pool.straight, pool.any_ball  # `specialised` puts the kernels of each game in their place
@@ -186,9 +208,12 @@ def _write_legal_balls(states, players, balls):
         balls[k] = legal(states[k], players[k])
 
 
-def _balls(kernel: Callable[..., Any], states: NDArray[Any], players: NDArray[np.int64]) -> NDArray[np.int64]:
+def _balls(
+    game: str, kernel: Callable[..., Any], states: NDArray[Any], players: NDArray[np.int64]
+) -> NDArray[np.int64]:
     balls = np.empty(len(states), np.int64)
-    _finding(kernel)(states, players, balls)
+    with kernels_of(f"game = {game!r}"):
+        _finding(kernel)(states, players, balls)
     return balls
 
 

@@ -27,7 +27,7 @@ _FIXED = {*sys.stdlib_module_names, "llvmlite", "numba", "numpy"}  # packages wh
 def code_hash(function: FunctionType) -> str:
     """Returns the hash of a function that may call kernels. The modules of all these functions must be imported.
 
-    Functions count by their content and by their place: they are numbered in the order in which callers name them.
+    The hash depends on the content of each function, and on which function calls which one.
     """
     numbers, reached, digest = {function: 0}, [function], hashlib.sha256()
     for one in reached:  # grows
@@ -103,6 +103,8 @@ def _tokens(value: Any, callees: list[FunctionType]) -> Iterator[str]:
         yield value.__name__
         for member in value.__members__.values():
             yield from _tokens(member, callees)
+    elif hasattr(type(value), "code_parts"):  # an object that makes a kernel from these parts
+        yield from _tokens(value.code_parts, callees)
     elif isinstance(value, (type, ModuleType, BuiltinFunctionType)):
         yield f"{value.__name__} {getattr(value, '_fields', '')} {getattr(value, '_field_defaults', '')}"
     else:

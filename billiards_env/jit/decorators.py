@@ -140,7 +140,7 @@ class Typed:
 
 @contextlib.contextmanager
 def kernels_of(what: str) -> Iterator[None]:
-    """Names what the block compiles kernels for, as "name = value", if they do not compile."""
+    """Raises a TypeError that begins with `what`, a text "name = value", if a kernel of the block does not compile."""
     try:
         yield
     except (NumbaError, TypeError) as error:  # a TypeError for another number of arguments

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from billiards_env.commands import Parser, ending
 from billiards_env.drawing.style import PALETTES
 from billiards_env.engine.compile import MODES, PIC, Engine
 from billiards_env.games import GAMES, History, Setup, opening, records
@@ -20,7 +21,6 @@ from billiards_env.scene import SCENES, Scene, layouts
 from billiards_env.shots.records import read_scene
 from billiards_env.shots.simulation import simulate
 from billiards_env.support.checks import Range, entry_of, integer, number, one_of, real
-from billiards_env.support.commands import Parser, ending
 from billiards_env.support.files import check_path, free_path
 
 DT = 1 / 60

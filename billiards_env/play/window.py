@@ -312,6 +312,9 @@ class GameWindow:
     def find_pot(self) -> None:
         """Starts a thread that finds the aim for the ball and the pocket under the mouse."""
         model = self.model
+        if model.setup.scene.physics.flight:  # `aim` needs derivatives
+            self.message = "no aim help for flights"
+            return
         pot = pot_at(model, self._view.point_of(self._mouse)) if model.phase == "aiming" else None
         self.message = "" if pot else "point at a ball or a pocket"
         if pot:

@@ -69,7 +69,7 @@ def planning(argument: str) -> LevelPlayer:
 
     Args:
         argument: The name of a level, or the budget of a decision: its time, such as "100ms" or "1s", or a number of
-            simulated shots, such as "5000". With a number of shots, a seed repeats a game. An empty text is
+            simulated shots, such as "5000". With a number of shots, the same seed repeats the game. An empty text is
             "100ms".
 
     Raises:

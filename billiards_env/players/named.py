@@ -19,13 +19,14 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import gymnasium as gym
+import numpy as np
 
 from billiards_env.doors import Entries, offered
-from billiards_env.games import Setup
+from billiards_env.games import Setup, Stroke
 from billiards_env.players.levels import planning
-from billiards_env.players.situation import Player
+from billiards_env.players.situation import Player, Situation
 from billiards_env.players.strategies import SHOTS, geometric, random, reach_goals, search
-from billiards_env.support.checks import add_entry, check_call, result_of, suggestion
+from billiards_env.support.checks import add_entry, check_call, is_foreign, result_of, suggestion
 
 Where = Setup | gym.Env[Any, Any]
 """The game that a player plays, or the environment."""
@@ -46,6 +47,20 @@ class PlayerEntry(NamedTuple):
     make: Callable[[str, Where], Player]
     argument: str | None = None
     needs_pockets: bool = False
+
+
+class NamedPlayer(NamedTuple):
+    """A player of another package, with its name for error messages."""
+
+    name: str
+    player: Player
+
+    def __call__(self, situation: Situation, rng: np.random.Generator) -> Stroke:
+        """Returns the stroke of the player."""
+        return self.player(situation, rng)
+
+    def __repr__(self) -> str:
+        return f"player {self.name!r}"
 
 
 def _searching(argument: str, where: Where) -> Player:
@@ -111,7 +126,7 @@ def _checked(text: str, maker: Callable[..., Any], *arguments: Any) -> Player:
     """Returns the player that a function makes. Raises a TypeError if it is no player."""
     player = result_of(f"player {text!r}", object, maker, *arguments)
     _check_call(text, player, 2, "that returns a player (situation, rng)")
-    return player
+    return NamedPlayer(text, player) if is_foreign(player) else player
 
 
 def _imported(text: str, module: str, function: str, names: Sequence[str]) -> Any:

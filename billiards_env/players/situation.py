@@ -16,6 +16,7 @@ from billiards_env.games import GameState, Setup, Stroke, play
 from billiards_env.games.batch import best_call, play_batch
 from billiards_env.games.game_state import is_in, on_table
 from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
+from billiards_env.games.playing import check_stroke
 from billiards_env.players.aim import FirstTouch, Goal, Pot, carom_goals
 from billiards_env.pots.finder import PotShots, pot_shots
 from billiards_env.shots.tables import Tables
@@ -99,8 +100,13 @@ Player = Callable[[Situation, np.random.Generator], Stroke]
 
 
 def stroke_of(player: Player, situation: Situation, rng: np.random.Generator) -> Stroke:
-    """Returns the stroke of a player. Raises a TypeError if it is no `Stroke`; the errors of the player pass."""
-    return result_of(f"stroke of {short(player)}", Stroke, player, situation, rng)
+    """Returns the stroke of a player.
+
+    Raises a TypeError or a ValueError if it is no `Stroke` or has wrong numbers. Errors of the player pass unchanged.
+    """
+    stroke = result_of(f"stroke of {short(player)}", Stroke, player, situation, rng)
+    check_stroke(situation.table.scene, stroke, f" of {short(player)}")
+    return stroke
 
 
 def game_situation(

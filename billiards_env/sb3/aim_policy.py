@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -66,15 +65,8 @@ def _find_game(env: str) -> BilliardsEnv:
 
 def arguments_of(env: BilliardsEnv) -> dict[str, Any]:
     """Returns arguments of `gym.make("Billiards-v0", ...)` that make an environment like `env`, without its noise."""
-    names = ("task", "action", "max_shots", "max_speed", "layout", "scratch_penalty", "randomize")
-    scene = {"scene": env.scene.to_dict(), "n_object_balls": None}
-    arguments = scene | dataclasses.asdict(env.engine) | {"observe": env.observe}
-    arguments["goal_radius"] = env.model.goal_radius or None
-    arguments |= {"n_players": env.model.n_players, "can_call": env.model.can_call}
-    if (setup := env.model.setup) is not None:
-        arguments |= {"target": setup.target, "can_place": env.model.can_place}
-        arguments |= {"miss": setup.miss, "edition": setup.edition, "innings": setup.innings}
-    return arguments | {name: getattr(env.model, name) for name in names}
+    used = {"scene": env.scene.to_dict(), "observe": env.observe, "goal_radius": env.goal_radius or None}
+    return {**env.model.arguments, **used, **dict.fromkeys(("n_object_balls", "noise", "noise_seed", "scatter"))}
 
 
 def by_value(log_prob: Tensor, values: Tensor) -> Tensor:
@@ -228,7 +220,7 @@ class AimPolicy(ActorCriticPolicy):
             self.net.std.copy_(torch.tensor(std))
 
     def set_training_mode(self, mode: bool) -> None:
-        """Sets the mode. PPO ends an update with it, so then the deviations and the entropy follow their schedules."""
+        """Sets the mode. PPO leaves the training mode after each update; this call then applies the schedules."""
         if self.training and not mode:
             self._follow_schedules()
         super().set_training_mode(mode)
@@ -258,7 +250,7 @@ class AimPolicy(ActorCriticPolicy):
 
     def returns(self, outcomes: Outcomes) -> NDArray[np.float64]:
         """Computes the returns (m,) of tried shots: the rewards plus, in unfinished episodes, the values afterwards."""
-        returns, on = outcomes.rewards.copy(), np.flatnonzero(~outcomes.states["over"])
+        returns, on = outcomes.rewards.copy(), np.flatnonzero(~outcomes.terminated)
         if len(on):
             with torch.no_grad():
                 returns[on] += self.predict_values(torch.as_tensor(outcomes.observations[on])).numpy()[:, 0]

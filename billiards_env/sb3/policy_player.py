@@ -47,8 +47,9 @@ def policy(argument: str, where: Setup | gym.Env[Any, Any]) -> Player:
     """Returns the player of a trained policy.
 
     Args:
-        argument: The folder of the run, with `config.yaml` and `policy.pt`. A colon and a whole number k may follow.
-            The player then simulates k actions that the policy proposes, and `strategies.best_of` chooses.
+        argument: The folder of the run, with `config.yaml` and `policy.pt`. A colon and a whole number k may follow,
+            unless there is a folder of the whole name. The player then simulates k actions that the policy proposes,
+            and `strategies.best_of` chooses.
         where: The game, or the environment, whose arguments replace those of the training.
 
     Raises:
@@ -58,7 +59,9 @@ def policy(argument: str, where: Setup | gym.Env[Any, Any]) -> Player:
             trained on another table, with another number of balls, for strikes, with a goal or with an observation of
             the physics.
     """
-    folder, _, number = argument.rpartition(":") if argument.rpartition(":")[2].isdecimal() else (argument, "", "1")
+    folder, _, number = argument.rpartition(":")
+    if Path(argument).is_dir() or not number.isdecimal():
+        folder, number = argument, "1"
     count = integer("number of proposals", int(number), Range(1, MOST_PROPOSALS))
     if isinstance(where, Setup):
         propose, rate = _proposing_in_games(folder, where), None

@@ -11,7 +11,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium.error import ResetNeeded
-from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
@@ -30,7 +30,9 @@ class SameStepVecEnv(VecEnv):
     length, and "t", the seconds since the adapter was created. (`VecMonitor` is slower than the shots, so it is not
     used.) All infos of the last step are in `infos`, in Gymnasium's format.
 
-    The environments are one object: an attribute is set in all of them, and a method is called for all of them.
+    The environments are one object: an attribute is set in all of them, and a method is called for all of them. The
+    attributes and methods are those of the outermost wrapper that adds one of this name, such as `Opponents.policy`,
+    and otherwise those of the environment without wrappers. A wrapper has one value for all environments.
 
     The `observation_space` of `Billiards-v0` has the attribute `arguments`, from which `AimPolicy` gets the table, the
     balls and the task. A wrapper that changes the observations also changes the space, which then has no arguments.
@@ -130,7 +132,8 @@ class SameStepVecEnv(VecEnv):
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """Returns an attribute of the environments of the indices."""
-        values = self._all.get_attr(attr_name)
+        wrapper = self._wrapper(attr_name)
+        values = self._all.get_attr(attr_name) if wrapper is None else [getattr(wrapper, attr_name)] * self.num_envs
         return [values[i] for i in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
@@ -140,7 +143,10 @@ class SameStepVecEnv(VecEnv):
             ValueError: If `indices` does not contain all environments.
         """
         self._expect_all(f"set_attr({attr_name!r})", indices)
-        self._all.set_attr(attr_name, [value] * self.num_envs)
+        if (wrapper := self._wrapper(attr_name)) is not None:
+            setattr(wrapper, attr_name, value)
+        else:
+            self._all.set_attr(attr_name, [value] * self.num_envs)
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
         """Calls a method of all environments and returns the results of those of the indices.
@@ -148,12 +154,24 @@ class SameStepVecEnv(VecEnv):
         Raises:
             ValueError: If the method changes a `BilliardsEnv`.
         """
-        results = self._all.call(method_name, *args, **kwargs)
+        if (wrapper := self._wrapper(method_name)) is not None:
+            results = [getattr(wrapper, method_name)(*args, **kwargs)] * self.num_envs
+        else:
+            results = self._all.call(method_name, *args, **kwargs)
         return [results[i] for i in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
         """Returns for each index whether the adapter does the work of a wrapper: True for `Monitor`."""
         return [issubclass(Monitor, wrapper_class) for _ in self._get_indices(indices)]
+
+    def _wrapper(self, name: str) -> Any:
+        """Returns the outermost wrapper that adds an attribute of a name; None if none does."""
+        env = self.envs
+        while isinstance(env, VectorWrapper):
+            if hasattr(env, name) and not hasattr(VectorWrapper, name):
+                return env
+            env = env.env
+        return None
 
     @property
     def _all(self) -> Any:

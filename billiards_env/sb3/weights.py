@@ -132,7 +132,8 @@ def load_policy(
     size = weights.stat().st_size
     if size and 4 * sum(a * b for a, b in zip((1, *hidden), hidden, strict=False)) > size:
         raise ValueError(f"{weights} does not hold the policy of its configuration: expected more weights for {hidden}")
-    policy = build_policy(arguments, description)
+    with torch.random.fork_rng(devices=[]):  # the random weights are replaced
+        policy = build_policy(arguments, description)
     load_weights(policy, weights)
     policy.set_training_mode(False)
     return arguments, policy

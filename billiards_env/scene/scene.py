@@ -49,6 +49,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.scene.outline import extents
 from billiards_env.scene.table import INCH, POOL_RADIUS, Table, six_pockets
 from billiards_env.support.checks import (
+    RANGES,
     Range,
     add_entry,
     check_fields,
@@ -753,7 +754,8 @@ SCENES = tuple(NAMED)
 
 def register_scene(name: str, scene: NamedScene) -> None:
     """Adds a scene of another package to those of `Scene.named`. The errors are those of `checks.add_entry`."""
-    add_entry("scene", name, scene, NAMED, NamedScene, build=1)
+    balls = Range(0, RANGES["balls"].most)
+    add_entry("scene", name, scene, NAMED, NamedScene, {"usual": balls, "most": balls}, build=1)
 
 
 def check_scene(scene: Scene) -> None:
@@ -831,31 +833,31 @@ def check_positions(
     bad = np.argwhere(~np.isfinite(array).all(axis=-1))
     if len(bad):
         at = tuple(bad[0])
-        raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected finite coordinates")
+        raise ValueError(f"{where(at)} is at {short(array[at].tolist())}: expected finite coordinates")
     placed = np.where(in_play[..., None], array, 0.0)  # the others may be so far away that distances overflow
     radius = np.array(scene.balls.radius)
     bad = np.argwhere((scene.table.clearance(placed) < radius - CONTACT_GAP) & in_play)
     if len(bad):
         at = tuple(bad[0])
         least = scene.balls.radius[at[-1]]
-        expected = f"a place inside the outline, at least {least} m from the cushions"
+        expected = f"a place inside the outline, at least {short(least)} m from the cushions"
         if not scene.table.outline:
             x, y = scene.table.length / 2 - least, scene.table.width / 2 - least
-            expected = f"|x| <= {x} and |y| <= {y}, inside the cushions"
-        raise ValueError(f"{where(at)} is at {array[at].tolist()}: expected {expected}")
+            expected = f"|x| <= {short(x)} and |y| <= {short(y)}, inside the cushions"
+        raise ValueError(f"{where(at)} is at {short(array[at].tolist())}: expected {expected}")
     for k, pocket in enumerate(scene.table.pockets):
         bad = np.argwhere(pocket.contains(placed, CONTACT_GAP) & in_play)
         if len(bad):
             at = tuple(bad[0])
             raise ValueError(
-                f"{where(at)} is at {array[at].tolist()}: expected a place outside pocket {k}, {pocket.shape}"
+                f"{where(at)} is at {short(array[at].tolist())}: expected a place outside pocket {k}, {pocket.shape}"
             )
     overlap = _first_overlap(scene.balls, placed, in_play)
     if overlap is not None:
         at, i, j, distance, reach = overlap
         shot = f"shot {at}, " if array.ndim == 3 else ""
         raise ValueError(
-            f"{name}: {shot}balls {i} and {j} are {distance} m apart: "
-            f"expected at least {reach} m, the distance at which they touch"
+            f"{name}: {shot}balls {i} and {j} are {short(distance)} m apart: "
+            f"expected at least {short(reach)} m, the distance at which they touch"
         )
     return array

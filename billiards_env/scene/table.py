@@ -46,7 +46,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.scene.outline import TOUCH, Corner, check_outline, clearance, enters
-from billiards_env.support.checks import check_fields, fields_of, one_of, real, sequence, short
+from billiards_env.support.checks import check_fields, fields_of, finite, numbers, one_of, real, sequence, short
 
 INCH = 0.0254  # m, exactly
 POOL_LENGTH, POOL_WIDTH, POOL_RADIUS = 100 * INCH, 50 * INCH, 2.25 * INCH / 2
@@ -90,19 +90,31 @@ class Pocket:
         return f"a circle of radius {self.radius} m about ({self.x}, {self.y})"
 
     def contains(self, points: ArrayLike, by: float = 0.0) -> NDArray[np.bool_]:
-        """Returns whether points (..., 2) are inside its rim, farther from it than `by`, m."""
-        places = np.asarray(points)
-        return np.hypot(places[..., 0] - self.x, places[..., 1] - self.y) < self.radius - by
+        """Returns whether points (..., 2) are inside its rim, farther from it than `by`, m.
+
+        Raises a ValueError for points of another shape or with numbers that are not finite.
+        """
+        places = _places(points)
+        finite("points", places, places.shape)
+        return np.hypot(places[..., 0] - self.x, places[..., 1] - self.y) < self.radius - real("by", by)
 
     def distance(self, points: ArrayLike) -> NDArray[np.float64]:
         """Returns the distances (...) of points (..., 2) from its rim, m; negative inside."""
-        places = np.asarray(points)
+        places = _places(points)
         return np.hypot(places[..., 0] - self.x, places[..., 1] - self.y) - self.radius
 
     def rim(self, start: float = 0.0, angle: float = 2 * math.pi, points: int = 40) -> NDArray[np.float64]:
         """Returns points (points, 2) of its rim from the direction `start` over `angle`, in radians, m."""
         angles = start + angle * (np.arange(points) + 0.5) / points
         return np.column_stack((self.x + self.radius * np.cos(angles), self.y + self.radius * np.sin(angles)))
+
+
+def _places(points: ArrayLike) -> NDArray[np.float64]:
+    """Returns points as an array (..., 2). Raises a ValueError for other values."""
+    places = numbers("points", points)
+    if places.shape[-1:] != (2,):
+        raise ValueError(f"points has shape {places.shape}: expected (..., 2)")
+    return places
 
 
 def six_pockets(length: float = POOL_LENGTH, width: float = POOL_WIDTH) -> tuple[Pocket, ...]:
@@ -187,7 +199,7 @@ class Table:
         most = min(half + self.head_x, self.width / 2)
         if not 0.0 <= self.d_radius < most:
             raise ValueError(
-                f"table.d_radius = {self.d_radius}: expected 0 or a number below {most}, inside the cushions"
+                f"table.d_radius = {self.d_radius}: expected 0 or a number below {short(most)}, inside the cushions"
             )
 
     def clearance(self, points: ArrayLike) -> NDArray[np.float64]:
@@ -195,9 +207,10 @@ class Table:
 
         Outside a rectangle it is minus the distance from the farthest of the four lines on which the cushions lie.
         """
+        places = _places(points)
         if self.outline:
-            return clearance(self.outline, points)
-        return (np.array([self.length / 2, self.width / 2]) - np.abs(points)).min(axis=-1)
+            return clearance(self.outline, places)
+        return (np.array([self.length / 2, self.width / 2]) - np.abs(places)).min(axis=-1)
 
     @property
     def pocket_rows(self) -> NDArray[np.float64]:

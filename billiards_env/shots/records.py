@@ -173,7 +173,7 @@ def read_scene(name: str, n_object_balls: int | None = None) -> Scene:
         OSError: If the file cannot be read.
         ValueError: If there is no such scene, or a file and a number of balls are given.
     """
-    if not name.endswith(".json"):
+    if not isinstance(name, str) or not name.endswith(".json"):
         return Scene.named(name, n_object_balls)
     if n_object_balls is not None:
         raise ValueError(
@@ -277,7 +277,7 @@ def check_equal(recorded: Any, now: Any) -> None:
         old, new = getattr(recorded, field.name), getattr(now, field.name)
         if repr(old) != repr(new):
             raise ValueError(
-                f"the replay differs from the record: {field.name} = {short(new)}, expected {short(old)}; "
+                f"the replay differs from the record: {field.name} = {short(new, 17)}, expected {short(old, 17)}; "
                 "this can happen if another version of the engine wrote the record"
             )
 
@@ -314,7 +314,7 @@ def fields(name: str, value: Any, keys: tuple[str, ...]) -> dict[str, Any]:
             raise ValueError(f"key {short(key)} of {name} is unknown: expected {', '.join(map(repr, keys))}")
     for key in keys:
         if key not in data:
-            raise ValueError(f"key {key!r} of {name} is missing")
+            raise ValueError(f"key {key!r} of {name} is missing: expected a value")
     return data
 
 

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 _STATUS = np.array(STATUS, dtype=object)
+_REASONS = "potted", "driven off the table", "not in play"
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
@@ -100,16 +101,23 @@ class ShotResult:
     _arguments: tuple[ShotInput, Engine, int] | None = None  # those of `run_shot`
 
     def __repr__(self) -> str:
-        potted, contacts = np.flatnonzero(self.potted), self.cushions
+        contacts, out = self.cushions, self.out_of_play
+        out = {reason: balls for reason, balls in out.items() if balls or reason == "potted"}
         lines = [
             f"ShotResult: {len(self.potted)} balls, {self.status} after {self.time:.4g} s, {self.n_events} events",
-            f"potted balls: {', '.join(map(str, potted)) or 'none'}",
+            *(f"balls {reason}: {', '.join(map(str, balls)) or 'none'}" for reason, balls in out.items()),
             f"first hit: {'none' if self.first_hit < 0 else f'ball {self.first_hit}'}",
             f"cushion contacts: {contacts[0]} of the cue ball, {contacts[1:].sum()} of other balls",
         ]
         if self.trajectory is not None:
             lines.append(f"recorded ({self.engine}): events, at(t), plot(), to_html(path), to_gif(path), to_mp4(path)")
         return "\n  ".join(lines)
+
+    @property
+    def out_of_play(self) -> dict[str, list[int]]:
+        """The balls of `potted` by reason: "potted", "driven off the table", and from the start "not in play"."""
+        masks = self.pockets >= 0, (self.pockets < 0) & (self.pot_order >= 0), self.potted & (self.pot_order < 0)
+        return dict(zip(_REASONS, (np.flatnonzero(mask).tolist() for mask in masks), strict=True))
 
     @property
     def pots(self) -> tuple[tuple[int, int], ...]:
@@ -155,8 +163,8 @@ class ShotResult:
             t: Seconds since the start of the shot, a number or an array of any shape.
 
         Returns:
-            (..., n, 2) float64, m/s, and (..., n, 3) float64, rad/s, zero unless the motion is "sliding". From the end
-            of the shot on they are `velocities` and `spins`.
+            The velocities, (..., n, 2) float64, m/s; in scenes with flight (..., n, 3), with the vertical velocity. The
+            spins, (..., n, 3) float64, rad/s; zero unless the motion is "sliding". They do not change after the end.
 
         Raises:
             ValueError: As in `at`.
@@ -166,6 +174,10 @@ class ShotResult:
         spins = self._of_balls(t, turning(scene, paths, self.time).spins) * (scene.physics.motion == "sliding")
         ended = np.asarray(t) >= self.time
         velocities[ended], spins[ended] = self.velocities, self.spins
+        if self.heights is not None:
+            rises = self._of_balls(t, lambda ball, times: paths.rises(ball, times, scene.physics.g))
+            rises[ended] = self.heights[:, 1]
+            velocities = np.concatenate((velocities, rises[..., None]), -1)
         return velocities, spins
 
     def _of_balls(self, t: ArrayLike, value: Callable[[int, Floats], Floats]) -> Floats:

@@ -22,7 +22,7 @@ from billiards_env.engine.compile import (
     with_scatter,
 )
 from billiards_env.engine.frozen_strike import strike_frozen
-from billiards_env.engine.log import NO_LOG, ShotLog, empty_log, joined
+from billiards_env.engine.log import N_EVENTS_LOGGED, NO_LOG, ShotLog, empty_log, joined, with_room
 from billiards_env.engine.shot_input import ShotInput, check_shot, check_varied
 from billiards_env.engine.shots import STATUS, Shots, empty_shots, start_fields
 from billiards_env.engine.strikes import Strike
@@ -162,7 +162,7 @@ def run_shot(
     room = 256 if record else 0
     while True:
         flight = scene.physics.flight
-        log, shots = empty_log(room, 4 * room, flight=flight), empty_shots(1, n, flight)
+        log, shots = empty_log(room, 4 * room, 1, flight), empty_shots(1, n, flight)
         for out, start in zip(start_fields(shots), start_fields(shot), strict=True):
             if out is not None:
                 out[0] = start
@@ -284,12 +284,15 @@ class BatchResult:
         lines = [f"BatchResult: {m} shots of {n} balls"]
         if m > 0:
             counts = [np.count_nonzero(self.status == name) for name in STATUS]
-            cue_ball, object_balls = self.potted[:, 0].sum(), self.potted[:, 1:].any(axis=1).sum()
+            potted = self.pockets >= 0
+            cue_ball, object_balls = potted[:, 0].sum(), potted[:, 1:].any(axis=1).sum()
+            driven_off = (~potted & (self.pot_order >= 0)).any(axis=1).sum()
             lines += [
                 f"status: {', '.join(f'{name} {k}' for name, k in zip(STATUS, counts, strict=True) if k)}",
                 f"time: {_spread_of(self.time)} s",
                 f"events: {_spread_of(self.n_events)}",
                 f"shots with a potted ball: cue ball {cue_ball}, object balls {object_balls}",
+                *[f"shots with a ball driven off the table: {driven_off}"] * bool(driven_off),
             ]
         return "\n  ".join(lines)
 
@@ -397,29 +400,29 @@ _FIRST_SHOTS = 64  # shots that are recorded first, to find the room that the ot
 def _run_recorded(run: Callable[..., None], shots: Shots, threads: int | None) -> ShotLog:
     """Runs shots with `run(begin, end, log)` and returns their log.
 
-    The room in a log is that of the shots so far, with a margin. Shots that do not fit run again.
+    The length of a log is estimated from the shots so far, with a margin. Shots that do not fit in it run again.
     """
     (m, n), flight = shots.in_play.shape, shots.heights is not None
     fields = [array for array in start_fields(shots) if array is not None]
     start = [array.copy() for array in fields]
-    logs = {-1: ShotLog(*empty_log(flight=flight)[:2], np.zeros((1, 2), np.int64))}  # by their first shots
+    logs: dict[int, ShotLog] = {}  # by their first shots
     events_of_shot = 0.0  # a mean
 
     def work(begin: int, end: int) -> None:
         nonlocal events_of_shot
-        while begin < end:
-            until = end if events_of_shot else min(end, begin + _FIRST_SHOTS)
-            room = 64 + 32 * n + int(1.5 * events_of_shot * (until - begin))
-            log = empty_log(room, 2 * room + n * (until - begin), until - begin, flight)
-            run(begin, until, tuple(log))
-            events_of_shot = max(events_of_shot, float(log.used[0]) / (until - begin), 1.0)
-            recorded = ShotLog.of(log)
-            fits = (recorded.bounds[1:] <= (len(log.events), len(log.segments))).all(axis=1)
+        log, done = empty_log(n_shots=end - begin, flight=flight), begin
+        while done < end:
+            until = end if events_of_shot else min(end, done + _FIRST_SHOTS)
+            room = 64 + 32 * n + int(1.5 * events_of_shot * (until - done))
+            log = with_room(log, room, 2 * room + n * (until - done))
+            run(done, until, tuple(log))
+            events_of_shot = max(events_of_shot, float(log.used[N_EVENTS_LOGGED]) / (until - begin), 1.0)
+            fits = (ShotLog.of(log).bounds[1:] <= (len(log.events), len(log.segments))).all(axis=1)
             done = begin + int(fits.sum())
-            logs[begin] = recorded.shots(0, done - begin)
+            log.used[:] = *ShotLog.of(log).bounds[done - begin], done - begin  # forgets those that do not fit
             for array, initial in zip(fields, start, strict=True):
                 array[done:until] = initial[done:until]
-            begin = done
+        logs[begin] = ShotLog.of(log)
 
     parallel_for(work, m, threads)
     return joined([logs[begin] for begin in sorted(logs)])

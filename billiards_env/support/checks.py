@@ -16,7 +16,8 @@ import re
 import sys
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from numbers import Real
-from typing import Any, NamedTuple, TypeVar
+from types import MappingProxyType, UnionType
+from typing import Any, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -91,14 +92,26 @@ RANGES: dict[str, Range] = {
 }
 """The range of each number and the reason for its bounds."""
 
+NO_RANGES: Mapping[str, Range] = MappingProxyType({})
+"""The ranges of entries without numbers."""
 
-def short(value: Any) -> str:
-    """Returns `repr(value)` in one line, cut to 200 characters. NumPy scalars look like numbers of Python."""
+
+def short(value: Any, digits: int = 12) -> str:
+    """Returns `repr(value)` in one line, cut to 200 characters. NumPy scalars look like numbers of Python.
+
+    Numbers have at most `digits` digits; 17 for all.
+
+    Example:
+        >>> short([0.1 + 0.7, 1e-5, 10]), short(0.1 + 0.7, 17)
+        ('[0.8, 1e-05, 10]', '0.7999999999999999')
+    """
     try:
         with np.printoptions(**_PLAIN_SCALARS):
             text = " ".join(repr(value).split("\n"))
     except (ValueError, RecursionError):  # a number of thousands of digits, deeply nested lists
         text = f"a {type(value).__name__}"
+    if not isinstance(value, str):
+        text = _LONG.sub(lambda match: repr(float(f"{float(match[0]):.{digits}g}")), text)
     return text if len(text) <= 200 else text[:200] + "..."
 
 
@@ -145,7 +158,8 @@ def real(name: str, value: Any, within: str | Range | None = None) -> float:
         raise TypeError(f"{name} = {short(value)}: expected a number, not {type(value).__name__}")
     if not fits(value, _FINITE if within is None else within):
         expected = "a finite number" if within is None else range_text("a number", within)
-        raise ValueError(f"{name} = {short(value)}: expected {expected}")
+        digits = 17 if fits(number(short(value)), within or _FINITE) else 12  # all digits of 1.0000000000000002
+        raise ValueError(f"{name} = {short(value, digits)}: expected {expected}")
     return float(value)
 
 
@@ -261,7 +275,15 @@ def short_name(name: str) -> str:
     return name.rpartition(":")[2]
 
 
-def add_entry(what: str, name: str, entry: T, table: MutableMapping[str, T], kind: type, **takes: int) -> None:
+def add_entry(
+    what: str,
+    name: str,
+    entry: T,
+    table: MutableMapping[str, T],
+    kind: type,
+    ranges: Mapping[str, Range] = NO_RANGES,
+    **takes: int,
+) -> None:
     """Adds an entry of another package to a table, such as `TASKS`.
 
     The same entry may be added again, for example if its module is loaded again. Its functions are then other objects
@@ -272,12 +294,13 @@ def add_entry(what: str, name: str, entry: T, table: MutableMapping[str, T], kin
         name: The name of the entry, an identifier of ASCII letters, digits and underscores.
         entry: The entry.
         table: The entries by name.
-        kind: The type of the entries.
+        kind: The type of the entries. The attributes of the entry must have its annotated types.
+        ranges: The range of the numbers of an attribute. A smallest and a largest number are a tuple of two.
         **takes: The number of arguments of each function of the entry, by its attribute.
 
     Raises:
-        TypeError: If the entry has another type, or a function does not take its arguments.
-        ValueError: If the name is not an identifier, or another entry has it.
+        TypeError: If the entry or an attribute has another type, or a function does not take its arguments.
+        ValueError: If a number is outside its range, the name is not an identifier, or another entry has it.
     """
     if not (isinstance(name, str) and name.isascii() and name.isidentifier()):
         raise ValueError(f"name = {short(name)}: expected ASCII letters, digits and underscores, such as 'my_{what}'")
@@ -287,9 +310,33 @@ def add_entry(what: str, name: str, entry: T, table: MutableMapping[str, T], kin
         function = getattr(entry, attribute)
         if function is not kind._field_defaults.get(attribute, entry):  # pyright: ignore[reportAttributeAccessIssue]
             check_call(f"{attribute} of {what} {name!r} = {short(function)}", function, count)
+    for attribute, hint in get_type_hints(kind).items():
+        value, shown = getattr(entry, attribute), f"{attribute} of {what} {name!r}"
+        if not _has_type(value, hint):
+            wanted = str(hint) if get_args(hint) else hint.__name__
+            raise TypeError(f"{shown} = {short(value)}: expected the type {wanted}, not {type(value).__name__}")
+        found = [one for one in (value if isinstance(value, tuple) else (value,)) if one is not None]
+        if attribute in ranges and not all(fits(one, ranges[attribute]) for one in found):
+            expected = range_text("numbers" if isinstance(value, tuple) else "a number", ranges[attribute])
+            raise ValueError(f"{shown} = {short(value)}: expected {expected}")
+        if attribute in ranges and get_origin(hint) is tuple and len(found) == 2 and found[0] > found[1]:
+            raise ValueError(f"{shown} = {short(value)}: expected the smallest number first")
     if name in table and _definition(table[name]) != _definition(entry):
         raise ValueError(f"name = {name!r}: expected a name that no other {what} has")
     table[name] = entry
+
+
+def _has_type(value: Any, hint: Any) -> bool:
+    """Returns whether a value has an annotated type. An int is also a float, and a bool is no number."""
+    kind, kinds = get_origin(hint) or hint, get_args(hint)
+    if kind is tuple and isinstance(value, tuple):
+        each = kinds[:1] * len(value) if kinds[-1] is ... else kinds
+        return len(each) == len(value) and all(map(_has_type, value, each))
+    if kind in (Union, UnionType):
+        return any(_has_type(value, one) for one in kinds)
+    if kind in (int, float):
+        return isinstance(value, (int, kind)) and not isinstance(value, bool)
+    return isinstance(value, kind)
 
 
 def check_call(what: str, function: Any, count: int, expected: str = "") -> None:
@@ -309,7 +356,7 @@ def check_call(what: str, function: Any, count: int, expected: str = "") -> None
 
 
 def result_of(name: str, kind: Any, function: Callable[..., Any], *arguments: Any) -> Any:
-    """Returns the result of a function of another package. The errors of the function pass.
+    """Returns the result of a function of another package. Errors of the function pass unchanged.
 
     Args:
         name: The name of the result, used in error messages.
@@ -335,6 +382,11 @@ def result_of(name: str, kind: Any, function: Callable[..., Any], *arguments: An
     return result
 
 
+def is_foreign(function: Any) -> bool:
+    """Returns whether another package defines a function or kernel, so that its results are checked."""
+    return str(getattr(function, "__module__", "")).partition(".")[0] != __name__.partition(".")[0]
+
+
 def _definition(entry: Any) -> Any:
     """Returns what stays the same if a module is loaded again: the values of an entry, and its functions by name.
 
@@ -342,6 +394,8 @@ def _definition(entry: Any) -> Any:
     """
     if isinstance(entry, tuple):
         return tuple(map(_definition, entry))
+    if isinstance(entry, Mapping):
+        return {key: _definition(value) for key, value in entry.items()}
     code = getattr(getattr(entry, "py_func", entry), "__code__", None)
     return (entry.__module__, entry.__qualname__, code and code.co_code) if hasattr(entry, "__qualname__") else entry
 
@@ -487,6 +541,7 @@ def missing(module: str, extra: str) -> ModuleNotFoundError:
 # From NumPy 2 on, repr(np.float64(1.0)) is "np.float64(1.0)" by default.
 _PLAIN_SCALARS: dict[str, Any] = {"legacy": "1.25"} if np.lib.NumpyVersion(np.__version__) >= "2.0.0" else {}
 _NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|inf|nan)"
+_LONG = re.compile(r"-?\b\d+\.\d{9,}(?:e[-+]\d+)?\b")
 _FINITE = Range(-sys.float_info.max, sys.float_info.max)
 
 

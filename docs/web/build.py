@@ -41,6 +41,7 @@ from numba.core.types.functions import BaseFunction
 from numpy.typing import NDArray
 
 from billiards_env.__main__ import PLAY_PAGE
+from billiards_env.commands import ending
 from billiards_env.drawing import page
 from billiards_env.engine import compile as compiling
 from billiards_env.engine import frozen_strike, pic, pit, strikes
@@ -54,7 +55,6 @@ from billiards_env.jit.compiler import Kernel, _resolve_once
 from billiards_env.physics.strike import cue_numbers, many_strikes
 from billiards_env.scene import PARAMETERS, Scene, layouts
 from billiards_env.support.checks import RANGES, range_text
-from billiards_env.support.commands import ending
 from billiards_env.support.files import write_atomically
 from studies.failures import FAILURES
 

@@ -195,7 +195,7 @@ class Engine {
     return (call(this.exports, `valid_${kind}`, [0n, 1n, fields, starts]).read()[0] & 255) === 1;
   }
 
-  /** The velocity and the spin that a cue gives a ball that touches no other ball, and whether the tip slips. */
+  /** The velocity and the spin that a cue (m/s, rad, ball radii) gives a free ball, and whether the tip slips. */
   strike(scene, cueing) {
     const { cue, motion } = this.scene(scene);
     if (!cue) throw new RangeError(`strike with physics.motion = '${motion}': expected motion 'sliding', a strike gives spin`);

@@ -23,7 +23,7 @@ def test_each_row_is_a_policy_for_its_task_and_a_frozen_task(name):
 
 
 def test_the_arguments_of_ppo_are_the_settings_and_change_during_training():
-    config = Config(timesteps=1000, n_envs=4, ppo={"learning_rate": ["1e-3", 1e-5], "batch_size": 2})
+    config = Config(timesteps=1000, n_envs=4, settings={"learning_rate": ["1e-3", 1e-5], "batch_size": 2})
     model = make_ppo(config, make_vec_env(config))
     assert (model.batch_size, model.n_epochs, model.gamma) == (2, PPO_SETTINGS["n_epochs"], 1.0)
     assert [model.lr_schedule(remaining) for remaining in (1.0, 0.5, -0.1)] == pytest.approx([1e-3, 5.05e-4, 1e-5])

@@ -11,13 +11,13 @@ from stable_baselines3 import PPO
 
 from agents import evaluate as evaluation
 from agents.config import Config, load
-from agents.evaluate import evaluate, main
-from agents.ppo import deterministic, load_run, make_env, make_policy, make_vector
+from agents.evaluate import evaluate, load_run, main
+from agents.ppo import deterministic, make_env, make_policy, make_vector
 from billiards_env.bench.evaluation import evaluation_seeds, measure, play_episodes, play_together
 from billiards_env.envs import BilliardsEnv
+from billiards_env.intervals import wilson_interval
 from billiards_env.sb3 import AimPolicy
 from billiards_env.sb3.weights import save_policy
-from billiards_env.support.intervals import wilson_interval
 from tests.helpers.training import Pickled, trained_run
 
 AIM = {"head": "aim", "arguments": {"hidden": 8}}

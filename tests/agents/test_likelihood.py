@@ -9,7 +9,7 @@ import torch
 
 from agents import train as module
 from agents.config import Config, load
-from agents.likelihood import Learner, labels_of, random_hits
+from agents.likelihood import LikelihoodTraining, labels_of, random_hits
 from billiards_env.players.strategies import hits
 from billiards_env.sb3 import load_policy
 from tests.helpers.errors import refusals
@@ -27,7 +27,9 @@ TINY: dict[str, Any] = {
 
 
 def test_random_hits_touch_a_ball_at_the_given_speeds():
-    learner: Any = Learner(Config.from_dict({**TINY, "task": "Carom-v0", "policy": {"arguments": {"hidden": 8}}}))
+    learner: Any = LikelihoodTraining(
+        Config.from_dict({**TINY, "task": "Carom-v0", "policy": {"arguments": {"hidden": 8}}})
+    )
     learner.restart()
     envs = learner._envs
     actions = random_hits(envs, learner.policy, 20, np.random.default_rng(0))
@@ -52,7 +54,7 @@ def test_random_hits_of_strikes_have_random_offsets_and_a_level_cue():
 
 @pytest.mark.parametrize("task", ["Place-v0", "Position-v0", "Pot1-v0"])
 def test_labels_are_shots_that_reach_their_goals(task):
-    learner: Any = Learner(Config.from_dict({**TINY, "task": task}))
+    learner: Any = LikelihoodTraining(Config.from_dict({**TINY, "task": task}))
     learner.restart()
     envs, rng = learner._envs, np.random.default_rng(0)
     states, shots = envs.get_state(), random_hits(envs, learner.policy, 40, rng)
@@ -77,7 +79,7 @@ def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(tmp_path, m
     whole = trained_run(config, tmp_path / "whole")
     curve = module.learning_curve(whole)
     assert curve[-1].success > curve[0].success
-    update = Learner.update
+    update = LikelihoodTraining.update
 
     def stop(self):
         if self.shots > 70_000:  # in the second phase
@@ -85,14 +87,14 @@ def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(tmp_path, m
         return update(self)
 
     with monkeypatch.context() as patch:
-        patch.setattr(Learner, "update", stop)
+        patch.setattr(LikelihoodTraining, "update", stop)
         with pytest.raises(KeyboardInterrupt):
             trained_run(config, tmp_path / "parts")
     trained_run(config, tmp_path / "parts")
     loaded: Any = load_policy(whole)[1]
     assert torch.equal(loaded.net.std, torch.load(whole / "policy.pt", weights_only=True)["net.std"])
     assert not torch.equal(loaded.net.std, torch.tensor([0.1, 0.025, 0.2]))  # they are learned
-    learner = Learner(config)
+    learner = LikelihoodTraining(config)
     module.start_from(learner.policy, str(whole))
     learner.restart()
     learner.update()
@@ -118,7 +120,7 @@ def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(tmp_path, m
 @pytest.mark.parametrize("imitation", [0.0, 1.0])
 def test_both_phases_learn_tasks_with_and_without_goals_and_strikes(changes, imitation):
     settings = {**TINY["likelihood"], "imitation": imitation}
-    learner: Any = Learner(Config.from_dict({**TINY, "likelihood": settings, **changes}))
+    learner: Any = LikelihoodTraining(Config.from_dict({**TINY, "likelihood": settings, **changes}))
     learner.restart()
     before = {name: tensor.clone() for name, tensor in learner.policy.net.state_dict().items()}
     for _ in range(3):
@@ -130,7 +132,7 @@ def test_both_phases_learn_tasks_with_and_without_goals_and_strikes(changes, imi
 
 def test_improvement_raises_the_density_of_shots_above_the_mean_of_their_layout(monkeypatch):
     config = {**TINY, "task": "Pot1-v0", "likelihood": {"layouts": 64, "imitation": 0.0}}
-    learner: Any = Learner(Config.from_dict(config))
+    learner: Any = LikelihoodTraining(Config.from_dict(config))
     learner.restart()
     played = {}
 
@@ -158,7 +160,7 @@ def test_improvement_raises_the_density_of_shots_above_the_mean_of_their_layout(
 
 def test_an_episode_of_several_shots_goes_on_from_a_shot_that_scores(monkeypatch):
     config = {**TINY, "task": "Pot3-v0", "policy": {"arguments": {"hidden": 16}}}
-    learner: Any = Learner(Config.from_dict(config))
+    learner: Any = LikelihoodTraining(Config.from_dict(config))
     learner.restart()
     outcomes = []
     play = learner._play
@@ -175,7 +177,9 @@ def test_an_episode_of_several_shots_goes_on_from_a_shot_that_scores(monkeypatch
 
 
 def test_the_return_of_a_shot_is_its_reward_and_the_value_after_it(monkeypatch):
-    learner: Any = Learner(Config.from_dict({**TINY, "task": "Clear5-v0", "policy": {"arguments": {"hidden": 16}}}))
+    learner: Any = LikelihoodTraining(
+        Config.from_dict({**TINY, "task": "Clear5-v0", "policy": {"arguments": {"hidden": 16}}})
+    )
     learner.restart()
     monkeypatch.setattr(learner.policy, "predict_values", lambda seen: torch.full((len(seen), 1), 2.0))
     outcomes = learner._play(random_hits(learner._envs, learner.policy, 6, np.random.default_rng(0)))
@@ -196,11 +200,11 @@ def test_random_hits_of_a_run_out_touch_the_legal_balls():
 def test_other_features_than_positions_and_the_goal_are_refused():
     config = Config.from_dict({**TINY, "env": {"observe": ["positions", "goal", "shots_left"]}})
     with pytest.raises(ValueError, match="expected only 'positions' and 'goal' in a task with a goal"):
-        Learner(config)
+        LikelihoodTraining(config)
 
 
 def test_with_noise_the_shots_of_an_update_are_noisy(monkeypatch):
-    learner: Any = Learner(Config.from_dict({**TINY, "task": "Pot1Noise-v0"}))
+    learner: Any = LikelihoodTraining(Config.from_dict({**TINY, "task": "Pot1Noise-v0"}))
     learner.restart()
     played = []
     tried = type(learner._envs).try_actions
@@ -220,11 +224,11 @@ def test_with_noise_the_shots_of_an_update_are_noisy(monkeypatch):
     "changes",
     [
         ({"learner": "sac"}, "learner = 'sac': expected one of 'ppo', 'likelihood'"),
-        ({"learner": "ppo"}, "key of likelihood .learner = 'ppo'. = 'layouts'"),
-        ({"likelihood": {"shots": 3}}, "key of likelihood .* = 'shots'"),
+        ({"learner": "ppo"}, "likelihood = .*: expected nothing with learner = 'ppo'"),
+        ({"likelihood": {"shots": 3}}, "key of likelihood = 'shots'"),
         ({"likelihood": {"hits": 0}}, "likelihood.hits = 0: expected"),
         ({"likelihood": {"learning_rate": 0.1}}, "likelihood.learning_rate = 0.1: expected a pair of rates"),
-        ({"ppo": {"n_epochs": 2}}, "ppo = .*: expected no settings of PPO with learner = 'likelihood'"),
+        ({"ppo": {"n_epochs": 2}}, "ppo = .*: expected nothing with learner = 'likelihood'"),
         ({"policy": {"head": "gaussian"}}, "policy.head = 'gaussian': expected 'aim' with learner = 'likelihood'"),
         ({"env": {"max_shots": 2}}, "env.max_shots = 2: expected 1 with learner = 'likelihood'"),
         ({"task": None, "env": {"task": "nine_ball", "n_players": 2}}, "env.n_players = 2: expected 1 with learner"),

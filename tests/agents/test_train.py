@@ -67,13 +67,12 @@ def test_an_interrupted_run_ends_with_the_weights_of_an_uninterrupted_one(comman
     uninterrupted = weights(tmp_path / "run" / "model.zip")
     curve = module.learning_curve(tmp_path / "run")
 
-    def stop(self):
+    def stop(self, *arguments):
         if self.num_timesteps >= 320:
             raise KeyboardInterrupt
-        return True
 
     with monkeypatch.context() as patch:
-        patch.setattr(module._Callback, "_on_step", stop)
+        patch.setattr(PPO, "_update_info_buffer", stop)
         with pytest.raises(SystemExit, match="130"):
             command("--fresh", policy=policy)
     assert not (tmp_path / "run" / "model.zip").exists()

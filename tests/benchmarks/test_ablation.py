@@ -73,7 +73,7 @@ def test_a_plain_step_compiles_no_part(plain):
 def test_the_table_compares_rows(plain, tmp_path, monkeypatch, capsys):
     more = plain | {"name": "more", "without": "nothing", "functions": [*plain["functions"], "f"]}
     result = {"machine": ablation.machine(), "shots": 10, "repeats": 1, "rows": [plain, more]}
-    monkeypatch.setattr(ablation, "measure", lambda repeats: result)
+    monkeypatch.setattr(ablation, "measure", lambda repeats, job: result)
     ablation.main(["--repeats", "1", "--output", str(tmp_path / "a.json")])
     assert json.loads((tmp_path / "a.json").read_text()) == result
     line = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("| more"))

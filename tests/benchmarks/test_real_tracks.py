@@ -37,6 +37,19 @@ def test_figures_are_printed_and_written(tmp_path, monkeypatch, capsys):
         assert "rows within 5 mm until contact 2" in capsys.readouterr().out
     assert fitted == [3, 2, 2, 2, 3]
 
+    def fail(*_):
+        raise OSError("the disk is full")
+
+    partial = tmp_path / "partial.json"
+    with monkeypatch.context() as patch:
+        patch.setattr(real_tracks, "cross_validated", fail)
+        patch.setattr(real_tracks, "growth", fail)
+        with pytest.raises(SystemExit, match=r"^error: judgement, growth of the errors: the disk is full$"):
+            real_tracks.main([str(source), "--scene", "carom", "--output", str(partial)])
+    assert json.loads(partial.read_text())["values"] == written["values"]
+    assert re.search(r"rows within 5 mm until contact 2 +\| +- \| ", capsys.readouterr().out)
+    fitted.pop()
+
     panels, curves = {}, {}
 
     def record(shots, errors, growth):

@@ -10,6 +10,7 @@ from billiards_env.engine.compile import MANY_BALLS, scene_fields
 from billiards_env.engine.shot_input import check_shot, is_valid_fast, is_valid_fast_of_many
 from billiards_env.engine.shots import Shots, empty_shots
 from billiards_env.scene import CONTACT_GAP, Balls, Physics, Scene, Table, check_positions
+from billiards_env.support.checks import short
 from tests.helpers.looks import looks
 from tests.helpers.shots import lattice
 
@@ -29,7 +30,7 @@ def first_overlap(scene, positions, in_play):
         for k in range(len(positions)):
             distance = np.hypot(*(positions[k, j] - positions[k, i]))
             if in_play[k, i] and in_play[k, j] and distance < reach - CONTACT_GAP:
-                return f"positions: shot {k}, balls {i} and {j} are {distance} m apart"
+                return f"positions: shot {k}, balls {i} and {j} are {short(distance)} m apart"
     return None
 
 

@@ -27,9 +27,10 @@ def test_outcomes_are_the_results_of_steps_without_noise(kwargs):
         same(envs.get_state(), before)
         same(env.try_actions(actions, states), outcomes)
         same(envs.try_actions(actions[:4], states[:4]).rewards, outcomes.rewards[:4])
-        observations, rewards, _, _, infos = envs.step(actions)
+        observations, rewards, terminated, _, infos = envs.step(actions)
         same(outcomes.observations, observations)
         same(outcomes.rewards, rewards)
+        same(outcomes.terminated, terminated)
         same(outcomes.infos, {name: infos[name] for name in outcomes.infos})
         same(outcomes.states, envs.get_state())
     same(env.try_actions(actions), outcomes)
@@ -43,7 +44,11 @@ def test_episodes_continue_from_outcomes():
     env.reset(seed=0)
     actions = np.random.default_rng(0).uniform(-0.3, 0.3, (20, 2))
     first = env.try_actions(actions)
-    left = ~first.states["over"]
+    left = ~first.terminated
+    assert 0 < left.sum() < 20
+    k = np.argmin(left)
+    with pytest.raises(ResetNeeded, match=rf"^states\[{k}\] has not begun or is over.*leave out the `terminated` rows"):
+        env.try_actions(actions, first.states)
     second = env.try_actions(actions[left], first.states[left])
     env.step(actions[left][0])
     _, reward, *_ = env.step(actions[left][0])

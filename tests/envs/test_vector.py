@@ -1,7 +1,9 @@
 """The native vector environment has the results of Gymnasium's SyncVectorEnv of single environments."""
 
+import inspect
 import itertools
 import warnings
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
@@ -10,7 +12,9 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from billiards_env.envs import BilliardsVectorEnv, make_env, make_vector_env
+from billiards_env.envs.arguments import make_model
 from billiards_env.scene import layouts
+from billiards_env.shots.noise import EXECUTION_NOISE
 from tests.helpers.environments import GAME_VARIANTS, SOFT, VARIANTS, VARIED, name_of, same
 
 MODES = tuple(AutoresetMode)
@@ -238,6 +242,50 @@ def test_ten_million_steps_need_no_more_memory_than_a_million():
     assert most[1] <= 1.01 * most[0]
 
 
+ARGUMENTS = inspect.signature(make_model).parameters
+
+
+@pytest.mark.parametrize(
+    "kwargs", [NOISY, {"task": "snooker", "n_players": 2, "miss": True, "can_call": True}], ids=name_of
+)
+def test_each_argument_is_an_attribute_that_cannot_be_assigned(kwargs):
+    native, sync = pair(2, "SameStep", **kwargs)
+    single = native.single_env
+    assert native.get_attr("max_shots")[0] == native.reset(seed=0)[1]["shots_left"][0]
+    assert native.get_attr("mode") == ("pic", "pic")
+    assert (native.miss, native.can_call, native.n_players) == (
+        (True, True, 2) if "miss" in kwargs else (False, False, 1)
+    )
+    assert native.noise == (None if native.miss else {**EXECUTION_NOISE, "angle_std": 5.0, "speed_std": 0.5})
+    for name in ARGUMENTS:
+        same(native.get_attr(name), sync.get_attr(name))
+        for assign in (native.set_attr, sync.set_attr, partial(setattr, single), partial(setattr, native)):
+            with pytest.raises(AttributeError, match=rf"^{name} = 3: expected no change; make another environment"):
+                assign(name, 3)
+    single.np_random, single.render_mode, single.spec = np.random.default_rng(0), None, None
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "options"),
+    [
+        (
+            {"task": "place", "randomize": {"mu_roll": [0.004, 0.02]}},
+            {"positions": [[-0.4, 0.1], [0.3, 0.2]], "goal": [0.1, 0.2], "physics": {"mu_roll": 0.01}},
+        ),
+        ({"task": "carom", "n_players": 2}, {"positions": [[-0.4, 0.1], [0.3, 0.2], [0.1, 0.3]], "state": {}}),
+    ],
+    ids=name_of,
+)
+def test_the_options_of_one_environment_apply_to_all(kwargs, options):
+    native, sync = pair(3, "SameStep", **kwargs)
+    same(native.reset(seed=0, options=options), sync.reset(seed=0, options=options))
+    assert (native.positions == options["positions"]).all()
+    native.reset(seed=1)
+    before = native.positions
+    native.reset(options={"positions": options["positions"], "reset_mask": np.array([False, True, False])})
+    assert (native.positions == np.stack((before[0], options["positions"], before[2]))).all()
+
+
 def test_seeds_may_be_numpy_integers():
     def first(**options):
         return gym.make_vec("Billiards-v0", num_envs=2, noise={}).reset(**options)[0].tobytes()
@@ -263,13 +311,15 @@ def test_attributes_of_each_environment(kwargs):
     assert native.get_attr("np_random")[2].random() == sync.get_attr("np_random")[2].random()
     with pytest.raises(AttributeError, match="tusk"):
         native.get_attr("tusk")
-    native.set_attr("note", [1.0] * 3)
-    assert native.get_attr("note") == (1.0, 1.0, 1.0)
-    with pytest.raises(ValueError, match=r"note = \[1.0, 2.0, 3.0\]: expected one value for all 3"):
-        native.set_attr("note", [1.0, 2.0, 3.0])
-    for envs in (native, sync):
-        with pytest.raises(AttributeError, match=r"^max_speed = 1.0: expected no change"):
-            envs.set_attr("max_speed", [1.0] * 3)
+    native.set_attr("metadata", [{}] * 3)
+    assert native.get_attr("metadata") == ({}, {}, {})
+    with pytest.raises(ValueError, match=r"metadata = \[1.0, 2.0, 3.0\]: expected one value for all 3"):
+        native.set_attr("metadata", [1.0, 2.0, 3.0])
+    with pytest.raises(AttributeError, match=r"^max_shot = 1: expected an attribute of .*did you mean 'max_shots'"):
+        native.set_attr("max_shot", 1)
+    for name in ("positions", "episode_scene", "np_random"):
+        with pytest.raises(AttributeError, match=rf"^{name} = 0: expected no change; use the seed or the options of"):
+            native.set_attr(name, 0)
     for name in ("reset", "step", "set_state"):
         with pytest.raises(ValueError, match=rf"call\('{name}'\): expected the method of the vector environment"):
             native.call(name)

@@ -58,6 +58,20 @@ def play_game(env, seed):
     return log, total
 
 
+def test_pettingzoo_has_the_masks_of_plans_from_the_reset_on():
+    env: Any = billiards_v0.env(task="nine_ball", action="plan", layout="random", max_shots=3)
+    env.reset(seed=0)
+    for agent in env.agent_iter():
+        _, _, termination, truncation, info = env.last()
+        over = termination or truncation
+        assert info["action_mask"].tolist() == (
+            [0] * env.action_space(agent).n if over else env.action_masks().tolist()
+        )
+        env.step(None if over else env.action_space(agent).sample(info["action_mask"]))
+    assert env.unwrapped.history().strokes
+    assert not hasattr(billiards_v0.env(), "action_masks")
+
+
 def test_every_game_is_in_a_variant():
     assert {variant["task"] for variant in GAME_VARIANTS} == GAMES.keys()
 

@@ -6,7 +6,6 @@ import sys
 import numba
 import numpy as np
 
-from billiards_env import derivatives
 from billiards_env.jit import inlined
 from billiards_env.physics.laws.balls import BallLaw
 from billiards_env.scene import SCENES, Balls, Physics, Scene, scene
@@ -33,7 +32,8 @@ def types_of_scenes():
 
 
 def results_of(law):
-    """Returns facts about shots of three balls with a law."""
+    """Returns facts about shots of three balls with a law. The modules that are imported here look the law up."""
+    from billiards_env import derivatives
     from tests.helpers.shots import simulate
 
     scenes = [Scene(Balls.uniform(3), physics=Physics(ball_ball=law, mu_ball=mu)) for mu in (0.0, 0.2)]

@@ -234,3 +234,32 @@ class Place(NamedTuple):
 def test_types_contain_the_names_of_fields():
     kind = typeof((1.0, Place(0.0, 0.0), (np.zeros(1), Place(1.0, 2.0))))
     assert list(fields_of(kind)) == [("x", "y")] * 2
+
+
+@pytest.mark.parametrize(
+    "edit", [("x * x * k", "x * k"), ('constant=("k",)', "constant=()"), ("norm(x, k)", "norm(k, x)")]
+)
+def test_the_tangent_of_an_edited_kernel_is_compiled_again(edit):
+    text = """
+from billiards_env.derivatives.tangent import tangent_of
+from billiards_env.jit import entry_point, inlined
+from billiards_env.physics.elementary import norm
+
+@inlined
+def law(x, k):
+    return x * x * k + norm(x, k)
+
+change = tangent_of(law, constant=("k",))
+
+@entry_point
+def run(x, dx, k):
+    return change(x, dx, k)
+"""
+
+    def hash_of(text):
+        module = ModuleType("law_of_a_test")
+        exec(text, vars(module))
+        return code_hash(module.run.py_func)
+
+    assert hash_of(text) == hash_of(text)
+    assert hash_of(text) != hash_of(text.replace(*edit))

@@ -250,6 +250,13 @@ def shot_of(model) -> Any:
     return go(model).last_shot.shot  # pyright: ignore[reportOptionalMemberAccess]
 
 
+def test_the_key_has_no_aim_help_for_flights(window):
+    setup = Setup("straight", Scene.named("jump_pool", 2))
+    shown = window(begin(History(setup, custom_opening(setup, BALLS), ()), ("human",) * 2, 8.0, 1 / 60))
+    assert hint(shown, BALLS[2]).phase == "aiming"
+    assert shown.message == "no aim help for flights"
+
+
 def test_a_key_aims_at_the_ball_and_the_pocket_under_the_mouse(shown):
     pocket = shown.model.setup.scene.table.pockets[3]
     model = hint(shown, BALLS[2])

@@ -19,7 +19,7 @@ from billiards_env.players.situation import game_situation
 from billiards_env.players.strategies import FINALISTS, REPEATS, best_of
 from billiards_env.sb3 import AimPolicy
 from billiards_env.sb3.policy_player import playable, policy, proposals
-from billiards_env.sb3.weights import save_policy
+from billiards_env.sb3.weights import load_policy, save_policy
 from tests.helpers.games import in_a_row, setup
 
 RNG = np.random.default_rng
@@ -73,6 +73,23 @@ def test_a_policy_plays_an_environment_made_without_gymnasium_at_its_speed(tmp_p
     assert act(observation).tolist() == model.predict(observation, deterministic=True)[0].tolist()
     with pytest.raises(ValueError, match=r"another max_speed: expected 5\.0, not 4\.0"):
         find_player(f"policy:{folder}", gym.make("Billiards-v0"))
+
+
+def test_a_folder_of_the_whole_name_comes_before_a_number_of_proposals(tmp_path):
+    (folder := tmp_path / "2026-01-31_00:41").mkdir()
+    _, model, env = untrained(folder)
+    observation, _ = env.reset(seed=0)
+    act = acting(find_player(f"policy:{folder}", env), env)
+    assert act(observation).tolist() == model.predict(observation, deterministic=True)[0].tolist()
+    find_player(f"policy:{folder}:2", env)
+
+
+@pytest.mark.parametrize("head", ["gaussian", "aim"])
+def test_loading_a_policy_leaves_the_global_generator_alone(tmp_path, head):
+    untrained(tmp_path, head)
+    before = torch.random.get_rng_state()
+    load_policy(tmp_path)
+    assert torch.equal(torch.random.get_rng_state(), before)
 
 
 @pytest.mark.parametrize("head", ["gaussian", "aim"])

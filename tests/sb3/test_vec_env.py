@@ -6,11 +6,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AutoresetMode, VectorWrapper
 from stable_baselines3 import PPO
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize, VecVideoRecorder
 
+from billiards_env.envs import Opponents, make_vector_env
 from billiards_env.sb3.vec_env import SameStepVecEnv
 from tests.helpers.environments import SOFT
 
@@ -122,17 +123,42 @@ def test_attributes_and_methods_belong_to_all_environments():
     assert native.env_is_wrapped(Monitor) == [True] * 3  # the infos have `episode`
     assert native.env_is_wrapped(gym.wrappers.TimeLimit, [1]) == [False]
     assert native.env_method("get_wrapper_attr", "task") == dummy.env_method("get_wrapper_attr", "task")
-    with pytest.raises(ValueError, match=r"set_attr\('note'\) for environments \[1\]: expected all 3"):
-        native.set_attr("note", 1.0, indices=1)
+    with pytest.raises(ValueError, match=r"set_attr\('metadata'\) for environments \[1\]: expected all 3"):
+        native.set_attr("metadata", {}, indices=1)
     with pytest.raises(ValueError, match=r"call\('reset'\): expected the method of the vector environment"):
         native.env_method("reset")
     assert native.env_method("get_wrapper_attr", "task", indices=[0, 2]) == ["pot"] * 2
-    native.set_attr("note", 1.0)
-    assert native.get_attr("note") == [1.0] * 3
+    native.set_attr("metadata", {})
+    assert native.get_attr("metadata") == [{}] * 3
     with pytest.raises(AttributeError, match=r"^max_speed = 1.0: expected no change"):
         native.set_attr("max_speed", 1.0)
     one, other = (envs.step(np.full((3, 2), 0.5))[3] for envs in (native, dummy))
     assert np.array_equal(one[0]["terminal_observation"], other[0]["terminal_observation"])
+
+
+def test_attributes_and_methods_of_wrappers():
+    class Counted(VectorWrapper):
+        seen = 2
+
+        def add(self, count):
+            self.seen += count
+            return self.seen
+
+    games = make_vector_env(2, task="nine_ball", n_players=2)
+    opponents = Opponents(games, lambda observations, rows: np.ones((len(rows), 4)))
+    envs = SameStepVecEnv(Counted(opponents))
+    envs.set_attr("policy", new := lambda observations, rows: np.zeros((len(rows), 4)))
+    assert opponents.policy is new
+    assert envs.get_attr("policy") == [new] * 2
+    assert envs.env_method("add", 3, indices=[1]) == [5]
+    envs.set_attr("seen", 0)
+    assert envs.get_attr("seen", 1) == [0]
+    with pytest.raises(ValueError, match=r"set_attr\('policy'\) for environments \[1\]: expected all 2"):
+        envs.set_attr("policy", new, indices=1)
+    assert envs.get_attr("task") == ["nine_ball"] * 2
+    with pytest.raises(AttributeError, match=r"^polici = 1: expected an attribute"):
+        envs.set_attr("polici", 1)
+    opponents.close()
 
 
 def test_learners_find_the_masks_of_plans():

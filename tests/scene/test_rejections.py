@@ -85,7 +85,10 @@ PARTS = [
     (of(Table, pockets=(Pocket(1.27, 0.0, 0.1), Pocket(1.4, 0.0, 0.1))), "table.pockets[1] = Pocket(x=1.4"),
     (of(Table, pockets=(Pocket(0, -0.75, 0.1),)), "... expected a circle that reaches the table (2.54 x 1.27 m"),
     (of(Table, 2.0, 1.0, head_string=-1.0), "table.head_string = -1.0: expected a number between -1.0 and 1.0"),
-    (of(Table, 2.0, 1.0, head_string=-0.8, d_radius=0.25), "table.d_radius = 0.25: expected 0 or a number below 0.1"),
+    (
+        of(Table, 2.0, 1.0, head_string=-0.8, d_radius=0.25),
+        "table.d_radius = 0.25: expected 0 or a number below 0.2, inside",
+    ),
     (of(Balls, (), ()), "balls.radius = (): expected at least one ball, the cue ball"),
     (of(Balls, (R, R), (1.0,)), "balls.mass has 1 values and balls.radius has 2: expected one value per ball"),
     (of(Balls, (R, R), (INF, 1.0)), "balls.mass[0] = inf: expected a finite mass, the cue ball must be able to move"),
@@ -179,7 +182,22 @@ LAYOUTS = [
 ]
 
 
-WRONG = [*NAMES, *DATA, *PARTS, *OUTLINES, *POSITIONS, *LAYOUTS]
+POCKET = named("pool").table.pockets[0]
+POINTS = [
+    (of(POCKET.contains, None), "points = None: expected finite numbers in an array"),
+    (of(POCKET.contains, "abc"), "points = 'abc': expected finite numbers in an array"),
+    (of(POCKET.contains, [1j, 0.0]), "points = [1j, 0.0]: expected finite numbers in an array"),
+    (of(POCKET.contains, [[0, 0], [1]]), "points = [[0, 0], [1]]: expected finite numbers in an array"),
+    (of(POCKET.contains, [NAN, 0.0]), "points = [nan, 0.0]: expected finite numbers"),
+    (of(POCKET.contains, [1, 2, 3]), "points has shape (3,): expected (..., 2)"),
+    (of(POCKET.contains, [0, 0], "a"), "by = 'a': expected a number, not str"),
+    (of(POCKET.distance, 0.0), "points has shape (): expected (..., 2)"),
+    (of(named("pool").table.clearance, ["a", "b"]), "points = ['a', 'b']: expected finite numbers in an array"),
+    (of(named("real_pool").table.clearance, [1, 2, 3]), "points has shape (3,): expected (..., 2)"),
+]
+
+
+WRONG = [*NAMES, *DATA, *PARTS, *OUTLINES, *POSITIONS, *LAYOUTS, *POINTS]
 
 
 @pytest.mark.parametrize(("call", "message"), WRONG, ids=[message for _, message in WRONG])

@@ -13,6 +13,7 @@ from billiards_env import Scene, simulate, simulate_batch, strike
 from billiards_env.engine import PIC, Engine, parallel_for
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.scene import Physics
+from billiards_env.shots import simulation
 from tests.helpers.heap import fill_heap
 from tests.helpers.shots import LAWS, draw_starts, run_both
 
@@ -202,6 +203,21 @@ def test_a_shot_of_a_batch_is_recorded_again():
     hits = simulate_batch(scene, places, hit, in_play=playing, max_time=0.1)
     assert np.array_equal(hits[2].spins, hits.spins[2])
     assert hits.spins[2].any()
+
+
+@pytest.mark.parametrize("engine", [PIC, Engine("pit", 1e-3)])
+def test_a_recorded_batch_reads_its_shots_from_its_log(engine, monkeypatch):
+    scene = Scene.named("pool", 3)
+    places, velocities, spins = draw_starts(scene, 70)  # more than are recorded first
+    batch: Any = simulate_batch(scene, places, velocities, spins=spins, engine=engine, record=True)
+    assert batch.log.bounds.shape == (71, 2)
+    starts = zip(places, velocities, spins, strict=True)
+    expected: list[Any] = [simulate(scene, x, v, spins=w, engine=engine, record=True) for x, v, w in starts]
+    monkeypatch.setattr(simulation, "run_shot", None)  # no shot runs again
+    for shot, one in zip(batch, expected, strict=True):
+        assert all(a.tobytes() == b.tobytes() for a, b in zip(shot.log, one.log, strict=True))
+        assert np.array_equal(shot.events, one.events)
+        assert shot.to_record() == one.to_record()
 
 
 def test_equal_batches_have_equal_pickles():

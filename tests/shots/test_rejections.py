@@ -106,7 +106,7 @@ TIMESTEPS = [
         engine("pit", 0.1, "pushapart"),
         "fix = 'pushapart': expected one of 'push_apart', 'move_back', 'none', 'time_of_impact' (did",
     ),
-    (engine("pic", 1 / 60), f"dt = {1 / 60} with mode='pic': expected None, PIC has no timestep"),
+    (engine("pic", 1 / 60), "dt = 0.0166666666667 with mode='pic': expected None, PIC has no timestep"),
     (engine("pic", None, "none"), "fix = 'none' with mode='pic': expected None, PIC has no overlaps to fix"),
 ]
 BACKWARDS = POOL, PLACES, strike(POOL, -1.5, 0.0)

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from billiards_env import Scene
+from billiards_env import Scene, simulate_batch
 from billiards_env.engine.log import KINDS
 from billiards_env.scene import Balls, Physics, layouts
 from tests.helpers.shots import simulate
@@ -132,7 +132,7 @@ def test_a_shot_prints_its_result_in_a_few_lines():
     start = Scene.named("pool"), [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45]
     lines = [
         "ShotResult: 2 balls, rest after 4.642 s, 8 events",
-        "  potted balls: 1",
+        "  balls potted: 1",
         "  first hit: ball 1",
         "  cushion contacts: 1 of the cue ball, 0 of other balls",
     ]
@@ -140,5 +140,15 @@ def test_a_shot_prints_its_result_in_a_few_lines():
     *recorded, last = repr(simulate(*start, record=True)).splitlines()
     assert recorded == lines
     assert last.startswith("  recorded (PIC): events, at(t), plot()")
+    places, velocity, in_play = [[-0.5, 0.3], [0.0, 0.3], [0.3, 0.5]], [0.0, 8.0, 4.0], [True, True, False]
+    away = simulate("jump_pool", places, velocity, in_play=in_play)
+    assert repr(away).splitlines()[1:4] == [
+        "  balls potted: none",
+        "  balls driven off the table: 0",
+        "  balls not in play: 2",
+    ]
+    batch = repr(simulate_batch("jump_pool", [places] * 2, [velocity, [0.0, 0.0, 0.0]], in_play=in_play)).splitlines()
+    assert batch[-2] == "  shots with a potted ball: cue ball 0, object balls 0"
+    assert batch[-1] == "  shots with a ball driven off the table: 1"
     rest = simulate(start[0], start[1], [0.0, 0.0])
-    assert repr(rest).splitlines()[1:3] == ["  potted balls: none", "  first hit: none"]
+    assert repr(rest).splitlines()[1:3] == ["  balls potted: none", "  first hit: none"]

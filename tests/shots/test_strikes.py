@@ -83,7 +83,7 @@ def test_a_hit_at_two_fifths_of_the_radius_rolls_at_once(top):
 @given(st.floats(0.1, 9.0), st.floats(-3.1, 3.1), st.floats(-0.6, 0.6), st.floats(-0.6, 0.6), st.floats(0.0, 1.57))
 def test_mirrored_strikes_have_mirrored_results(speed, heading, side, top, elevation):
     v, w, miscue = strike(POOL, speed, heading, side, top, elevation)
-    mirrored = strike(POOL, speed, -heading, -side, top, elevation)
+    mirrored = strike("pool", speed, -heading, -side, top, elevation)
     assert mirrored.velocity.tolist() == [v[0], -v[1]]
     assert mirrored.spin.tolist() == [-w[0], w[1], -w[2]]
     assert mirrored.miscue == miscue

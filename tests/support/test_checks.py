@@ -134,6 +134,22 @@ TEXTS = [
     ({"velocity": np.float64(1.5)}, "{'velocity': 1.5}"),
     (np.array([0.5, 1.0]), "array([0.5, 1. ])"),
 ]
+LONG = [
+    (0.0050000000000000044, "0.005"),
+    ([-0.1 - 0.7, 1 / 3], "[-0.8, 0.333333333333]"),
+    (np.float64(-1.2345678901234567e-7), "-1.23456789012e-07"),
+    ("0.12345678901234567", "'0.12345678901234567'"),
+]
+
+
+@pytest.mark.parametrize(("value", "text"), LONG)
+def test_numbers_in_messages_are_short(value, text):
+    assert short(value) == text
+
+
+def test_a_number_just_outside_its_range_has_all_digits():
+    with rejected("x = 1.0000000000000002: expected a number from 0 to 1"):
+        real("x", 1 + 2**-52, "restitution")
 
 
 @pytest.mark.parametrize(("value", "text"), TEXTS)

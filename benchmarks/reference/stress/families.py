@@ -135,9 +135,9 @@ def _stacks(tilts: tuple[float, float] | None) -> Callable[[np.random.Generator,
 
 
 def _wedges(rng: np.random.Generator, m: int) -> RandomShots:
-    """Returns shots at a ball that touches the nose of a cushion and a ball on the cloth, which may touch the cushion.
+    """Returns shots at four balls, of which one touches the nose of a cushion and a ball on the cloth.
 
-    A third ball is above it, and the fourth touches the ball on the cloth.
+    The third ball is above the first one. The fourth touches the ball on the cloth, which may touch the cushion.
     """
     scene = _closed_box(4)
     radius, height = scene.balls.radius[0], scene.table.cushion_height - scene.balls.radius[0]

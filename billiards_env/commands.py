@@ -11,23 +11,30 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager
-from typing import Any, TypeAlias
-
-Job: TypeAlias = Callable[[str], AbstractContextManager[None]]
-"""Returns the context in which a job runs; the argument is its name. See `all_jobs`."""
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 ERRORS = (ImportError, OSError, RuntimeError, TypeError, ValueError)
 """The errors of wrong input and of the system, such as a full disk. A RuntimeError comes from pygame or Ray."""
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that reads -2e0 and -1/60 as numbers. Argparse takes them for options, at least up to Python 3.13."""
+    """A parser that reads -2e0 and -1/60 as numbers. Argparse takes them for options, at least up to Python 3.13.
+
+    The error of an argument of the type int says what is expected.
+    """
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
+        self.register("type", int, _whole)
         self._negative_number_matcher = re.compile(r"-\.?\d")
+
+
+def _whole(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number") from None
 
 
 @contextlib.contextmanager
@@ -53,12 +60,40 @@ def ending(resumes: str = "") -> Iterator[None]:
         sys.exit(f"error: {error}")
 
 
+class Job:
+    """Runs jobs: `with job(name):` runs one and records its error. See `all_jobs`.
+
+    Attributes:
+        count: The number of jobs so far.
+        errors: The names of those that have failed, with their errors.
+    """
+
+    def __init__(self) -> None:
+        self.count, self.errors = 0, list[tuple[str, Exception]]()
+
+    @contextlib.contextmanager
+    def __call__(self, name: str) -> Iterator[None]:
+        """Runs a job."""
+        self.count += 1
+        try:
+            yield
+        except BrokenPipeError:  # there is no reader for the other jobs
+            raise
+        except Exception as error:  # the code of a player may raise any
+            self.errors.append((name, error))
+
+    @property
+    def have_all_failed(self) -> bool:
+        """Whether there were jobs, and all of them have failed."""
+        return 0 < self.count == len(self.errors)
+
+
 @contextlib.contextmanager
 def all_jobs() -> Iterator[Job]:
-    """Runs all jobs, also after one has failed, and raises their errors at the end.
+    """Runs the jobs of a block. If a job fails, the others still run, and the block raises the errors at its end.
 
     Yields:
-        A function whose argument is the name of a job. It returns the context in which the job runs.
+        The `Job` that runs them.
 
     Raises:
         RuntimeError: If jobs failed: a line for each error, with the names of up to 8 jobs. The error of the only job
@@ -72,24 +107,12 @@ def all_jobs() -> Iterator[Job]:
         one
         two
     """
-    count, errors = 0, list[tuple[str, Exception]]()
-
-    @contextlib.contextmanager
-    def job(name: str) -> Iterator[None]:
-        nonlocal count
-        count += 1
-        try:
-            yield
-        except BrokenPipeError:  # there is no reader for the other jobs
-            raise
-        except Exception as error:  # the code of a player may raise any
-            errors.append((name, error))
-
+    job = Job()
     yield job
-    if count == len(errors) == 1:
-        raise errors[0][1]
+    if job.count == len(job.errors) == 1:
+        raise job.errors[0][1]
     names: dict[str, list[str]] = {}
-    for name, error in errors:
+    for name, error in job.errors:
         names.setdefault(error_text(error), []).append(name)
     if names:
         raise RuntimeError("\n".join(f"{_first(names[text])}: {text}" for text in names))

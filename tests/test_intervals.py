@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from billiards_env.support.intervals import bootstrap, interquartile_mean, mean_interval, over_seeds, wilson_interval
+from billiards_env.intervals import bootstrap, interquartile_mean, mean_interval, over_seeds, wilson_interval
 
 
 # The interval's ends solve (rate - p)^2 = z^2 p (1 - p) / n for p.

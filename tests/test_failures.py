@@ -1,18 +1,22 @@
 """What was computed before an error is kept: a job that fails stops no other one, and results are written first."""
 
+import contextlib
 import importlib
 import json
 import re
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import pytest
 
 import benchmarks
-from benchmarks import run_command, simulators, stress
+from benchmarks import accuracy, gradients, run_command, simulators, speed, stress, validation, vector
+from benchmarks.validation import motion
 from billiards_env import __main__ as command
 from billiards_env.bench import benchmark
+from billiards_env.commands import all_jobs
 from billiards_env.engine import PIC, Engine
-from billiards_env.support.commands import all_jobs
+from billiards_env.scene import Scene
 
 DRIFTS = ["energy_drift", "momentum_drift", "deepest_overlap_m"]
 FULL = OSError("the disk is full")
@@ -117,6 +121,19 @@ ENGINES = [PIC, *(Engine("pit", 1 / 15, fix) for fix in ("push_apart", "move_bac
 SHOT = {"complete": True, "outcome_as_oracle": True, "errors": [1e-3] * 4}
 COMPARED = {"error": 1e-15, "condition": 1.0, "ratio": 1.0, "same_events": True, "to_end": True, "events": 5}
 CELL = [{"us": 1.0, "ratio": 1.0, "unfinished": 0, "compared": 1, "median_error_m": 1e-15}]
+STARTED = {"seconds": {"start": 0.1, "compile": 1.0}, "modules": [], "functions": []}
+GAS = {"passes": 1, "events_per_shot": 2.0, "us_per_shot": 3.0, "us_to_begin": 4.0}
+
+
+def two_cases(scale):
+    return [speed.random_shots(name, Scene.named("pool", 1), 4) for name in (speed.FIRST, "other")]
+
+
+def failing_case(wrong, result):
+    """Returns a function that fails for the case or row `wrong`, and else returns a result."""
+    return lambda case, *_: fail() if case.name == wrong else result
+
+
 FAILING = {
     "accuracy": (
         ["--shots", "4", "--outcomes", "10", "--passes", "1"],
@@ -147,6 +164,57 @@ FAILING = {
         "carom, shot 0",
         r"\| carom +\| +1 of 1 ",
     ),
+    "speed": (
+        ["--repeats", "2"],
+        {
+            "cases": two_cases,
+            "time_batch": failing_case(speed.FIRST, (1.0, 0.5)),
+            "time_calls": fail,
+            "DISKS": (2, 16),
+            "time_gas": failing_at((16,), {"disks": 2, **GAS}),
+        },
+        "pool, 1 object ball, calls, gas of 16 disks",
+        r"\| other +\| +4 \|",
+    ),
+    "vector": (
+        ["--repeats", "2"],
+        {
+            "environments": lambda scale: {vector.SINGLE: (1, lambda: fail), "native, 1": (1, lambda: int)},
+            "outside_engine": lambda count, steps, **game: fail if game else float,
+        },
+        "outside the engine, nine ball, outside the engine, eight ball, single environment",
+        r"\| native, 1 +\| +[\d,]+ \| +\|",
+    ),
+    "ablation": (
+        ["--repeats", "2"],
+        {
+            "started": failing_case(
+                "cushions with friction", contextlib.nullcontext(lambda *play: 1.0 if play else STARTED)
+            )
+        },
+        "cushions with friction",
+        r"\| throw +\| cushions with friction +\| 1000.00 \| +\| +1.0 \| +\| +100 \| +\| +\|",
+    ),
+    "gradients": (
+        ["--repeats", "2"],
+        {
+            "cases": two_cases,
+            "DRAWN": 4,
+            "time_parts": failing_case("other", [1.0] * 4),
+            "choose": lambda: {"numbers": [0], "smooth": 1, "other": dict.fromkeys(gradients.ENGINES, 0.0)},
+            "errors_of": lambda _, engine: (
+                fail() if engine is PIC else dict.fromkeys(("position", "small", "large"), 1.0)
+            ),
+        },
+        "other, exact",
+        r"\| exact engine +(\| +){7}\|",
+    ),
+    "validation": (
+        [],
+        {"PARTS": {"motion": motion, "pockets": SimpleNamespace(measure=fail)}},
+        "pockets",
+        "deceleration of a ball that rolls",
+    ),
     "stress": (
         ["--scale", "1e-9"],
         {
@@ -164,18 +232,42 @@ FAILING = {
 def test_a_measurement_keeps_the_rows_that_are_finished(command, tmp_path, monkeypatch, capsys):
     arguments, parts, names, shown = FAILING[command]
     module = importlib.import_module(f"benchmarks.{command}")
+    main = importlib.import_module("benchmarks.validation.__main__" if module is validation else module.__name__).main
     for path, value in parts.items():
         monkeypatch.setattr(f"benchmarks.{command}.{path}", value)
     for owner in (benchmarks, stress):
         monkeypatch.setattr(owner, "processes", ThreadPoolExecutor)
     monkeypatch.setattr(benchmarks, "workers", lambda: (1, ""))
     monkeypatch.setattr(simulators, "PYTHON", tmp_path / "python")
+    if command == "accuracy":  # the times of the shots are finished, but no row
+        (tmp_path / "results.json").write_text("earlier")
+        with monkeypatch.context() as patch:
+            patch.setattr(accuracy, "follow_shot", fail)
+            with pytest.raises(SystemExit, match=r"^error: 2 elastic disks, .*: the disk is full$"):
+                main([*arguments, "--output", str(tmp_path / "results.json")])
+        assert (tmp_path / "results.json").read_text() == "earlier"
     with pytest.raises(SystemExit, match=rf"^error: {names}: the disk is full$"):
-        module.main([*arguments, "--output", str(tmp_path / "results.json")])
+        main([*arguments, "--output", str(tmp_path / "results.json")])
     result = json.loads((tmp_path / "results.json").read_text())
     printed = capsys.readouterr().out
     assert re.search(shown, printed)
     assert all(block in printed for block in module.blocks(result).values())
+
+
+def test_a_command_whose_jobs_all_fail_keeps_the_earlier_results(tmp_path, capsys):
+    output = tmp_path / "results.json"
+    output.write_text("earlier")
+
+    def measure(job):
+        for name in ("one", "two"):
+            with job(name):
+                fail()
+        return {"rows": []}
+
+    with pytest.raises(SystemExit, match=r"^error: one, two: the disk is full$"):
+        run_command("benchmarks.test", "", ["--output", str(output)], measure, lambda result: {}, {}, jobs=True)
+    assert output.read_text() == "earlier"
+    assert capsys.readouterr().out == ""
 
 
 def test_a_file_that_cannot_be_written_is_an_error_before_the_measurement(tmp_path):
