@@ -62,25 +62,9 @@ def _d_room():
     return room(), room()
 
 
-@rule(step_length)
-@inlined
-def _d_step_length(series, d_series):
-    return step_length(series), 0.0  # the solution does not depend on the steps
-
-
-# A step of Newton's method follows these iterations, and has the derivative.
-@rule(bracketed_root)
-@inlined
-def _d_bracketed_root(row, low, high, d_row, d_low, d_high):
-    return bracketed_root(row, low, high), 0.0
-
-
-@rule(bracketed_rate)
-@inlined
-def _d_bracketed_rate(force, reaction, d_force, d_reaction):
-    return bracketed_rate(force, reaction), 0.0
-
-
+rule(step_length)(None)  # the solution does not depend on the steps
+for _iteration in (bracketed_root, bracketed_rate):
+    rule(_iteration)(None)  # a step of Newton's method follows, and has the derivative
 for _constant in ((), ("numbers",)):
     rule(friction_coefficient, constant=_constant)(tangent_of(falling_friction, constant=_constant))
 for _constant in (("sign",), ("sign", "tilt")):

@@ -15,11 +15,12 @@ A kernel may consist of:
 * `abs`, `math.sqrt`, `max` and `min` of two numbers, NamedTuples, which may have keyword arguments, and calls of other
   kernels with positional arguments, but no call of a kernel within `a if condition else b` or a condition.
 
-A call whose result does not depend on what changes is left as it is. A kernel that changes an array returns a value
-that changes. A kernel without arguments that makes an array has a rule, whose change is another array.
+A call whose result does not depend on what changes is left as it is, unless the kernel writes to an array. A kernel
+without arguments that makes an array has a rule, whose change is another array.
 
 Everything else is an error, whose message has the line. The tangents of called kernels are made in the same way. `rule`
-gives a kernel a tangent of another form: for an iteration, differentiate the equation that it solves.
+gives a kernel a tangent of another form: for an iteration, differentiate the equation that it solves. The rule None
+ignores the change of the result.
 
 The derivative at a branch is that of the branch that is taken. So the derivative of `max(a, b)` and `min(a, b)` at
 a = b is that of a, that of `abs(x)` at 0 is 1, and that of `math.sqrt(x)` at 0 is 0.
@@ -43,7 +44,7 @@ from billiards_env.jit import inlined, kernel
 
 
 class _Rule(NamedTuple):
-    call: Callable[..., Any]
+    call: Callable[..., Any] | None
     constant: frozenset[str]
 
 
@@ -68,7 +69,7 @@ class Tangent:
 
     @property
     def result_changes(self) -> bool:
-        """Whether its result depends on the arguments that change."""
+        """Whether its result, or an array that it writes to, depends on the arguments that change."""
         return self._writer.result_changes
 
     @property
@@ -102,7 +103,10 @@ class Tangent:
 
 
 def rule(function: Callable[..., Any], *, constant: Collection[str] = ()) -> Callable[[Any], Any]:
-    """Returns a decorator that makes a kernel the tangent of `function` if the arguments `constant` do not change."""
+    """Returns a decorator that makes a kernel the tangent of `function` if the arguments `constant` do not change.
+
+    It also takes None, for a result whose change is ignored.
+    """
 
     def decorate(call: Any) -> Any:
         _RULES.setdefault(function, []).append(_Rule(call, frozenset(constant)))
@@ -184,7 +188,9 @@ class _Writer:
         self.write(f"def d_{definition.name}({', '.join(arguments + changes)}):")
         self.block(definition.body)
         returned = (node.value for node in ast.walk(definition) if isinstance(node, ast.Return))
-        self.result_changes = any(map(self.changes, returned))
+        written = (node for node in ast.walk(definition) if isinstance(node, ast.Subscript))
+        writes = any(isinstance(node.ctx, ast.Store) and self.changes(node) for node in written)
+        self.result_changes = writes or any(map(self.changes, returned))
         self.source = ast.unparse(ast.parse("\n".join(self.lines))) + "\n"
 
     def refuse(self, node: Any) -> NoReturn:
@@ -223,7 +229,7 @@ class _Writer:
                 not node.args or (self.complete and any(map(self.changes, node.args)))
             ):
                 tangent: Any = _tangent(*self.called(node)).call
-                return not isinstance(tangent, Tangent) or tangent.result_changes
+                return tangent.result_changes if isinstance(tangent, Tangent) else tangent is not None
         return any(self.changes(part) for part in ast.iter_child_nodes(node))
 
     def is_kernel(self, node: ast.Call) -> bool:

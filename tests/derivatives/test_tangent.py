@@ -112,19 +112,36 @@ def fill(rows, x):  # out: rows
     rows[0], rows[1] = 0.0, x
     for k in range(1, 3):
         rows[1, k] = rows[1, k - 1] * x
-    return rows[1, 2]
+    return 1.0
 
 
 @kernel
 def cube_by_an_array(x):
-    rows, last = room(), 0.0
-    last += fill(rows, x)
-    return last + rows[0, 1]
+    rows = room()
+    one = fill(rows, x)
+    return one * rows[1, 2] + rows[0, 1]
 
 
 def test_a_kernel_may_write_arrays():
     x, d_x = 0.5, 2.0
     assert tangent_of(cube_by_an_array)(x, d_x) == (x**3, 3.0 * x * x * d_x)
+
+
+@kernel
+def step_of(x):
+    return 0.5 * x
+
+
+rule(step_of)(None)
+
+
+@kernel
+def two_steps(x):
+    return step_of(x) * x
+
+
+def test_a_rule_may_ignore_a_change():
+    assert tangent_of(two_steps)(3.0, 2.0) == (4.5, 3.0)
 
 
 def power(x):

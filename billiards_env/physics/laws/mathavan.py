@@ -12,15 +12,15 @@ of the ball. If both contacts stick when neither slips, the cushion and the slat
 
 With much friction on the cloth (`mu_cloth` about 1 or more), the forces that hold a nose without slip may be infinite
 or push the ball away from the slate: Painleve's paradox (A. R. Champneys and P. L. Varkonyi 2016, The Painleve paradox
-in contact mechanics, IMA J. Appl. Math. 81). Then the equation has no solution, or several. The nose then slips, as it
-does if the force is finite but larger than friction. So the result is the limit of that for less friction.
+in contact mechanics, arXiv:1601.03545). Then the equation has no solution, or several. The nose then slips, as it does
+if the force is finite but larger than friction. So the result is the limit of that for less friction.
 
 The solution is a sequence of Taylor series of order `ORDER`, whose coefficients follow from recurrences (Moore 1966,
-Interval Analysis, chapter 11). They are series in P, but if both contacts slip, in tau with dP = rho sigma dtau / (rho
-+ sigma), where rho and sigma are the sizes of the slips at the cushion and at the cloth. In tau, a slip that stops
-decays exponentially. Slips that begin are series P u(P), or P^2 u(P) at the end of a stick. A step ends where a series
-has a term of 1e-16, and where a contact begins to slip, the ball leaves the cloth or a phase ends: at a root of a
-polynomial. The error is at most 2e-13 of the normal velocity.
+Interval Analysis, chapter 11). They are series in P, but if both contacts slip, in tau with dP = rho sigma dtau, over
+rho + sigma at the start of the step, where rho and sigma are the sizes of the slips at the cushion and at the cloth. In
+tau, a slip that stops decays exponentially. Slips that begin are series P u(P), or P^2 u(P) at the end of a stick. A
+step ends where a series has a term of 1e-16, and where a contact begins to slip, the ball leaves the cloth or a phase
+ends: at a root of a polynomial. The error is at most 2e-13 of the normal velocity and the rounding of the result.
 
 The axes are x along the cushion, y into it and z up. Impulses are per mass; spins are times the radius. Below, (x, y)
 is the slip at the cushion and (u, v) that at the cloth, all velocities are over the normal velocity before the impact,
@@ -39,7 +39,7 @@ ORDER = 20
 room = room_for(19, ORDER + 3)
 
 _TERM = 5e-17  # the sizes of the last terms of the slips over the normal velocity
-_USUAL = 16.0  # the largest ratio of the term before the last to it, unless the last is small by chance
+_USUAL = 16.0  # the largest ratio of the term before the last to it; otherwise the last is small by chance
 _STOPPED = 2e-14  # slip over the normal velocity below which a slip has stopped
 _SMALL = 0.01  # a restitution below which the end of the compression ends a step, for the digits of the work left
 _MOST_STEPS = 400  # a limit for safety; an impact has about 12
@@ -101,9 +101,7 @@ def _fall(row, low, high):
     if t >= high:
         return high
     value, slope = polynomial(row, t)
-    if slope < 0.0:
-        t = min(high, max(low, t - value / slope))
-    return t
+    return min(high, max(low, t - value / slope)) if slope < 0.0 else t
 
 
 @inlined
@@ -141,13 +139,10 @@ def step_length(c):
         last, before = last + abs(row[ORDER]), before + abs(row[ORDER - 1])
     if not last + before < math.inf:
         return 0.0
-    if last > 0.0:
-        length = min(length, _root_of(_TERM / last))
-    cube = length * length * length
-    term = before * length * cube * cube * cube * cube * cube * cube
-    if term > _USUAL * _TERM:
-        length *= _root_of(_USUAL * _TERM / term)
-    return length
+    longest = _root_of(_TERM / last) if last > 0.0 else length
+    if before > _USUAL * last * longest:
+        longest *= _root_of(_USUAL * last * longest / before)
+    return min(length, longest)
 
 
 @kernel
@@ -155,44 +150,32 @@ def _slip_both(c, nose):  # out: c
     """Writes the series in tau of (x, y, u, v, vx, work, vy, rho, sigma) from c[:6, 0], and returns `step_length`."""
     sin, cos, mu, mu_cloth = nose
     x, y, u, v, vx, work, vy, rho, sigma = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8]
-    both, share, drag, pace = c[9], c[10], c[11], c[12]  # rho + sigma, dP/dtau over rho, press over sigma, dP/dtau
+    pace, press = c[9], c[10]  # rho sigma, and sigma times the friction on the cloth
     d, g, h = 1.0 - 2.5 * sin, 2.5 - sin, 2.5 + sin * sin
     by_rho, by_y, lift, by_slip = mu_cloth * sin, mu_cloth * mu * cos, sin * cos, 1.0 / (1.0 + sin)
     x0, y0, u0, v0 = x[0], y[0], u[0], v[0]
-    rho0, sigma0 = math.sqrt(x0 * x0 + y0 * y0), math.sqrt(u0 * u0 + v0 * v0)
-    of_rho, of_sigma, of_both = 1.0 / rho0, 1.0 / sigma0, 1.0 / (rho0 + sigma0)
-    share0, drag0 = sigma0 * of_both, (by_rho * rho0 + by_y * y0) * of_both
-    rho[0], sigma[0], both[0], share[0], drag[0] = rho0, sigma0, rho0 + sigma0, share0, drag0
-    vy[0], pace[0] = (v0 - y0) * by_slip, rho0 * share0
+    r0, s0 = math.sqrt(x0 * x0 + y0 * y0), math.sqrt(u0 * u0 + v0 * v0)
+    of_rho, of_sigma, of_both, p0 = 1.0 / r0, 1.0 / s0, 1.0 / (r0 + s0), by_rho * r0 + by_y * y0
+    rho[0], sigma[0], press[0], pace[0], vy[0] = r0, s0, p0, r0 * s0, (v0 - y0) * by_slip
     for k in range(ORDER):
         if k == 0:
-            ax, ay, bx, by, z, power = x0 * share0, y0 * share0, u0 * drag0, v0 * drag0, pace[0], pace[0] * vy[0]
+            ax, ay, bx, by, z, power = x0 * s0, y0 * s0, u0 * p0, v0 * p0, r0 * s0, pace[0] * vy[0]
         else:
-            a = b = ax = ay = bx = by = z = power = part = pull = 0.0
+            a = b = ax = ay = bx = by = z = power = 0.0
             for j in range(1, k):
-                xj, yj, rj, dj = x[j], y[j], rho[j], drag[j]
                 i = k - j
-                si, ui, vi = share[i], u[i], v[i]
-                if j < i:
-                    a += xj * x[i] + yj * y[i] - rj * rho[i]
-                    b += ui * u[j] + vi * v[j] - sigma[i] * sigma[j]
-                ax, ay, bx, by = ax + xj * si, ay + yj * si, bx + dj * ui, by + dj * vi
+                xj, yj, rj, pj, si, ui, vi = x[j], y[j], rho[j], press[j], sigma[i], u[i], v[i]
+                a, b = a + (xj * x[i] + yj * y[i] - rj * rho[i]), b + (ui * u[j] + vi * v[j] - si * sigma[j])
+                ax, ay, bx, by = ax + xj * si, ay + yj * si, bx + pj * ui, by + pj * vi
                 z, power = z + rj * si, power + pace[j] * vy[i]
-                part, pull = part + both[j] * si, pull + both[i] * dj
-            i = k // 2
-            if 2 * i == k:
-                a += 0.5 * (x[i] * x[i] + y[i] * y[i] - rho[i] * rho[i])
-                b += 0.5 * (u[i] * u[i] + v[i] * v[i] - sigma[i] * sigma[i])
             xk, yk, uk, vk = x[k], y[k], u[k], v[k]
-            rk, sk = (a + x0 * xk + y0 * yk) * of_rho, (b + u0 * uk + v0 * vk) * of_sigma
-            lk, vy[k] = rk + sk, (vk - yk) * by_slip
-            ak, dk = (sk - part - lk * share0) * of_both, (by_rho * rk + by_y * yk - pull - lk * drag0) * of_both
-            z += rho0 * ak + rk * share0
-            rho[k], sigma[k], both[k], share[k], drag[k], pace[k] = rk, sk, lk, ak, dk, z
-            ax, ay = ax + (x0 * ak + xk * share0), ay + (y0 * ak + yk * share0)
-            bx, by = bx + (drag0 * uk + dk * u0), by + (drag0 * vk + dk * v0)
+            rk, sk = (0.5 * a + x0 * xk + y0 * yk) * of_rho, (0.5 * b + u0 * uk + v0 * vk) * of_sigma
+            pk, z = by_rho * rk + by_y * yk, z + (r0 * sk + rk * s0)
+            rho[k], sigma[k], press[k], pace[k], vy[k] = rk, sk, pk, z, (vk - yk) * by_slip
+            ax, ay = ax + (x0 * sk + xk * s0), ay + (y0 * sk + yk * s0)
+            bx, by = bx + (p0 * uk + pk * u0), by + (p0 * vk + pk * v0)
             power += pace[0] * vy[k] + z * vy[0]
-        ax, ay, f = mu * ax, mu * ay, 1.0 / (k + 1)
+        ax, ay, f = mu * ax, mu * ay, of_both / (k + 1)
         x[k + 1], y[k + 1] = f * (-3.5 * ax - d * bx), f * (lift * z - h * ay - g * by)
         u[k + 1], v[k + 1] = f * (-d * ax - 3.5 * bx), f * (-g * ay - 3.5 * by - cos * z)
         vx[k + 1], work[k + 1] = f * (-ax - bx), f * cos * power
@@ -245,7 +228,8 @@ def _begin(k, released, slip, sums, force, reaction):  # out: slip
 def _slip_one(c, at_nose, at_cloth, nose):  # out: c
     """Writes the series in P of (x, y, u, v, vx, work, vy, rho) from c[:6, 0], and returns `step_length`.
 
-    `at_nose` and `at_cloth` are the state of the contact, the direction (x, y) of its slip, and its rate if it begins.
+    `at_nose` and `at_cloth` are the state of the contact, the direction (x, y) of its slip, and its rate if it begins,
+    otherwise 0.
     """
     (sin, cos, mu, mu_cloth), (by_nose, ex0, ey0, rate), (by_cloth, fx0, fy0, rate_c) = nose, at_nose, at_cloth
     c[:4, 1:] = 0.0
@@ -256,14 +240,8 @@ def _slip_one(c, at_nose, at_cloth, nose):  # out: c
     m, n = (by_nose if by_nose < _STICKS else 0), (by_cloth if by_cloth < _STICKS else 0)
     su, sv, cu, cv = x[m:], y[m:], u[n:], v[n:]  # slips over P^m and P^n
     ex[0], ey[0], fx[0], fy[0] = ex0, ey0, fx0, fy0
-    if by_nose == _SLIPS:
-        rho[0] = math.sqrt(x[0] * x[0] + y[0] * y[0])
-    if by_nose == _BEGINS:
-        rho[0], su[0], sv[0] = rate, rate * ex0, rate * ey0
-    if by_cloth == _SLIPS:
-        sigma[0] = math.sqrt(u[0] * u[0] + v[0] * v[0])
-    if by_cloth == _BEGINS:
-        sigma[0], cu[0], cv[0] = rate_c, rate_c * fx0, rate_c * fy0
+    rho[0], sigma[0] = math.sqrt(x[0] * x[0] + y[0] * y[0]) + rate, math.sqrt(u[0] * u[0] + v[0] * v[0]) + rate_c
+    su[0], sv[0], cu[0], cv[0] = rho[0] * ex0, rho[0] * ey0, sigma[0] * fx0, sigma[0] * fy0
     of_rho, of_sigma, by_slip, stuck = 1.0 / rho[0], 1.0 / sigma[0], 1.0 / (1.0 + sin), 2.0 / 7.0
     for k in range(ORDER):
         one = 1.0 if k == 0 else 0.0
@@ -401,15 +379,15 @@ def _leave_rest(nose):
 
 
 @kernel
-def _hold(c, x, y, limit):  # out: c
-    """Writes the square of a series minus that of the vector (x, y) to c[18]."""
+def _hold(row, x, y, limit):  # out: row
+    """Returns `row` with the square of the series `limit` minus that of the vector (x, y)."""
     for k in range(ORDER):
         total = 0.0
         for j in range(k + 1):
             total += limit[j] * limit[k - j] - x[j] * x[k - j] - y[j] * y[k - j]
-        c[18, k] = total
-    c[18, ORDER] = 0.0
-    return c[18, 0]
+        row[k] = total
+    row[ORDER] = 0.0
+    return row
 
 
 @kernel
@@ -491,10 +469,11 @@ def follow_impact(before, nose, e):
                 pull, press = math.sqrt(px * px + py * py), 0.0
                 if not lifted:
                     press = 3.5 * mu_cloth * (sin + mu * cos * ey)
-                fx, fy, rate_c = px / pull, py / pull, pull - press
-                if by_cloth != _RELEASED:
-                    smooth = smooth and (rate_c <= 0.0 or step == 0)
-                    by_cloth = _STICKS if rate_c <= 0.0 else _BEGINS
+                fx, fy = px / pull, py / pull
+                if by_cloth != _RELEASED and pull > press:
+                    by_cloth, rate_c, smooth = _BEGINS, pull - press, smooth and step == 0
+                elif by_cloth != _RELEASED:
+                    by_cloth = _STICKS
         c[0, 0], c[1, 0], c[2, 0], c[3, 0], c[4, 0], c[5, 0] = x, y, u, v, vx, work
         now = CushionNose(sin, cos, mu, 0.0 if lifted else mu_cloth)
         if by_nose == _SLIPS and by_cloth == _SLIPS:
@@ -507,11 +486,9 @@ def follow_impact(before, nose, e):
         end = _NOTHING
         if by_nose == _STICKS:
             c[7, 0] = mu
-            _ = _hold(c, c[13], c[14], c[7])
-            t, end = _first(c[18], 0.0, t, end, _NOSE)
+            t, end = _first(_hold(c[18], c[13], c[14], c[7]), 0.0, t, end, _NOSE)
         if by_cloth == _STICKS:
-            _ = _hold(c, c[15], c[16], c[17])
-            t, end = _first(c[18], 0.0, t, end, _CLOTH)
+            t, end = _first(_hold(c[18], c[15], c[16], c[17]), 0.0, t, end, _CLOTH)
         if by_nose == _SLIPS and sin < mu * cos:
             sign = -1.0 if lifted else 1.0
             for k in range(ORDER + 1):
@@ -541,10 +518,3 @@ def follow_impact(before, nose, e):
     vy, rwy = min(0.0, (v - y) / (1.0 + sin)), vx - u
     rwx, rwz = v - vy, (vx + rwy * sin - x) / cos
     return (unit * vx, unit * vy, unit * rwx, unit * rwy, unit * rwz), smooth, steps
-
-
-@inlined
-def integrate_impact(before, nose, e):
-    """Returns the motion after an impact; see `follow_impact`."""
-    after, _, _ = follow_impact(before, nose, e)
-    return after
