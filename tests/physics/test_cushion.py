@@ -387,9 +387,9 @@ def test_every_impact_ends_and_does_not_add_energy():
     """Impacts of 1 m/s or less with spins of up to a million rad/s once took a second, or gave NaN."""
     rng, radius = np.random.default_rng(0), 0.028
     for k in range(1500):
-        sin = rng.uniform(-0.99, 0.99)
+        sin = rng.uniform(-0.99, 0.99) * (k % 7 > 0)
         mu, mu_cloth = (10 ** rng.uniform((-3, -4), 2)).tolist() if k % 2 else rng.uniform((0, 0.05), 1).tolist()
-        nose = CushionNose(sin, math.sqrt(1 - sin * sin), mu, mu_cloth)
+        nose = CushionNose(sin, math.sqrt(1 - sin * sin), mu * (k % 5 > 0), mu_cloth)
         spin = rng.choice([-1.0, 0.0, 0.3, 1.0], 3) * radius * 10 ** rng.uniform(-3, 6)
         before = np.array([rng.normal() * 10 ** rng.uniform(-6, 2), 10 ** rng.uniform(-6, 3), *spin])
         e = float(rng.choice([0.0, 1.0, rng.random()]))

@@ -38,9 +38,10 @@ from billiards_env.jit import inlined, kernel, room_for
 ORDER = 20
 room = room_for(19, ORDER + 3)
 
-_TERM = 5e-17  # the sizes of the last terms of the slips over the normal velocity
+_TERM = 5e-17  # the size of the last terms over the largest velocity
 _USUAL = 16.0  # the largest ratio of the term before the last to it; otherwise the last is small by chance
 _STOPPED = 2e-14  # slip over the normal velocity below which a slip has stopped
+_NO_PRESS = 1e-9  # at a smaller press over `mu_cloth`, the last event decides whether the ball is on the cloth
 _SMALL = 0.01  # a restitution below which the end of the compression ends a step, for the digits of the work left
 _MOST_STEPS = 400  # a limit for safety; an impact has about 12
 _PATIENCE = 300  # the number of steps after which `_STOPPED` doubles in each step, so that a slip that creeps stops
@@ -126,9 +127,10 @@ def step_length(c):
 
     It is zero if the series overflows.
     """
-    (x, y, u, v), last, before = (c[0], c[1], c[2], c[3]), 0.0, 0.0
+    x, y, u, v, work = c[0], c[1], c[2], c[3], c[5]
     rho, sigma = math.sqrt(x[0] * x[0] + y[0] * y[0]), math.sqrt(u[0] * u[0] + v[0] * v[0])
-    length = 1e3 * (1.0 + rho + sigma + abs(c[6, 0]))
+    largest = 1.0 + rho + sigma + abs(c[6, 0])
+    length, last, before = 1e3 * largest, abs(work[ORDER]) / largest, abs(work[ORDER - 1]) / largest
     if rho > 0.0 and sigma > 0.0:
         length *= 1.0 / rho + 1.0 / sigma
     else:
@@ -139,10 +141,11 @@ def step_length(c):
         last, before = last + abs(row[ORDER]), before + abs(row[ORDER - 1])
     if not last + before < math.inf:
         return 0.0
-    longest = _root_of(_TERM / last) if last > 0.0 else length
-    if before > _USUAL * last * longest:
-        longest *= _root_of(_USUAL * last * longest / before)
-    return min(length, longest)
+    last = max(last, 1e-20 * before)  # the last terms of functions without even powers are 0
+    if last > 0.0:
+        longest = _root_of(_TERM * largest / last)
+        length = min(length, longest * _root_of(min(1.0, _USUAL * last * longest / before)))
+    return length
 
 
 @kernel
@@ -446,7 +449,7 @@ def follow_impact(before, nose, e):
         else:
             if by_nose == _SLIPS:
                 ex, ey = x / rho, y / rho
-                if step == 0:
+                if step == 0 or abs(sin + mu * cos * ey) > _NO_PRESS:
                     lifted = sin + mu * cos * ey < 0.0
             if by_cloth == _SLIPS:
                 fx, fy = u / sigma, v / sigma
@@ -502,7 +505,7 @@ def follow_impact(before, nose, e):
                 compresses, restarts, (whole, _) = False, e < _SMALL, polynomial(c[5], low)
                 c[5, 0] = c[5, 0] - (1.0 - e * e) * whole
         elif e == 0.0:
-            t, end = e * math.sqrt(whole / -c[5, 2]), _PHASE  # zero, with the derivative of one side
+            t, end = e * math.sqrt(whole / max(1e-100, -c[5, 2])), _PHASE  # zero, with the derivative of one side
         if restarts:
             t, end = low, _PHASE
         elif not compresses and end != _PHASE:
