@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 
 from billiards_env.envs.actions import action_named, converter_of
 from billiards_env.envs.arguments import NO_OPTIONS, Model, ResetOptions
-from billiards_env.envs.info import entries_of, filled, info_arrays, starts_of
+from billiards_env.envs.episode_arrays import TaskNumbers
+from billiards_env.envs.info import Entries, entries_of, filled, info_arrays, starts_of
 from billiards_env.envs.observations import Observer, Source
 from billiards_env.envs.reset import Reset
 from billiards_env.envs.state import EpisodeState, State, first_block, named_arrays, row_types
 from billiards_env.envs.step import step_of
-from billiards_env.envs.tasks import task_numbers
+from billiards_env.envs.tasks import opening_of, task_of
 from billiards_env.games.game_state import REPLACE
 from billiards_env.jit import kernels_of
 from billiards_env.support.checks import short
@@ -84,7 +85,8 @@ class Episodes:
         if self._game is not None:
             of_shots, of_episode = self._game.infos(state)
             self.of_shots, self.of_episode = self.of_shots.joined(of_shots), self.of_episode.joined(of_episode)
-        self._of_shot, self._of_episode = entries_of(self.of_shots, self.of_episode), entries_of(self.of_episode)
+        self._of_shot = entries_of(self.of_shots, self.of_episode)
+        self._of_episode: Entries | None = None  # until it is needed
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Episodes:
         twin = object.__new__(Episodes)
@@ -100,6 +102,8 @@ class Episodes:
 
     def info_at_start(self) -> dict[str, Any]:
         """Returns the `info` of a single episode after a reset."""
+        if self._of_episode is None:
+            self._of_episode = entries_of(self.of_episode)
         return filled(self._keys, self._of_start, self._of_episode)
 
     def info_after_shot(self) -> dict[str, Any]:
@@ -235,3 +239,18 @@ class Episodes:
             RuntimeWarning,
             stacklevel=3,
         )
+
+
+def task_numbers(model: Model) -> TaskNumbers:
+    """Returns the constants of the task of an environment."""
+    fields = model.setup.state_fields if model.setup else {}
+    opening, legal = opening_of(task_of(model.task, model.n_players), model.scene, model.layout, **fields)
+    return TaskNumbers(
+        targets=model.targets,
+        bits=np.left_shift(1, np.arange(model.scene.n_balls)),
+        opening=opening,
+        legal=legal,
+        goal_radius=model.goal_radius,
+        max_shots=model.max_shots,
+        scratch_penalty=model.scratch_penalty,
+    )

@@ -554,7 +554,7 @@ class Observer:
     def bound(self, arrays: EpisodeArrays, physics: Mapping[str, NDArray[np.float64]]) -> Observer:
         """Returns an observer of other episodes of the same environment."""
         twin = object.__new__(Observer)  # faster than copy.copy
-        twin.__dict__.update(self.__dict__, _source=self._source._replace(arrays=arrays, physics=physics))
+        twin.__dict__.update(self.__dict__, _source=Source(self._source.model, arrays, self._source.numbers, physics))
         twin._bind()
         return twin
 

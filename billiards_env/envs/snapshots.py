@@ -158,8 +158,10 @@ def copied(env: Any, shared: Set[str], memo: dict[int, Any], **changed: Any) -> 
         value = values[name]
         if name in SPACES:
             space = values[name] = object.__new__(type(value))
-            space.__dict__.update(value.__dict__, _np_random=streams.copied(value._np_random))
-        else:
+            space.__dict__.update(value.__dict__)
+            if value._np_random is not None:
+                space._np_random = streams.copied(value._np_random)
+        elif value is not None:
             values[name] = copy.deepcopy(value, memo)
     twin.__dict__.update(values)
     return twin

@@ -241,6 +241,9 @@ class State:
 
 def named_arrays(block: NDArray[np.uint8], kind: np.dtype[np.void]) -> dict[str, Any]:
     """Returns the arrays in a block of memory by name, see `arrays_in`."""
+    if len(block) == kind.itemsize:
+        row = np.ndarray(1, kind, block)
+        return {name: row[name] for name in kind.names or ()}
     return dict(zip(kind.names or (), arrays_in(block, kind), strict=True))
 
 
