@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, Shots, run_shots_of
-from billiards_env.engine.compile import scene_kernels, varied_fields, varied_shot, vary, with_scatter
+from billiards_env.engine.compile import varied_fields, varied_shot, vary, with_scatter
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shots import arrays_in, row_type, start_fields
 from billiards_env.envs.actions import (
@@ -98,8 +98,8 @@ class Episodes:
             scratch_penalty=model.scratch_penalty,
         )
         self._numbers = tuple(numbers)
-        self._run_shots = Typed(run_shots_of(model.engine, scene.n_balls))
-        self._kernels = scene_kernels(scene, model.engine)
+        run_shots, self._kernels = run_shots_of(scene, model.engine)
+        self._run_shots = Typed(run_shots)
         self._start, self._begin, self._keep_seeds = Typed(start_shots), Typed(begin_episodes), Typed(keep_seeds)
         self._has_foreign_judge = setup is None and is_foreign(entry.judge)
         self._score: Any = Typed(scoring(entry.judge)) if setup is None else None
