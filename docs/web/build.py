@@ -181,7 +181,7 @@ def data() -> dict[str, Any]:
         "scenes": {
             name: {
                 "kind": kind_of(scene),
-                "kernels": as_json(scene_kernels(scene)),
+                "kernels": as_json(pic.PicKernels(scene_kernels(scene), pic.ALL_PAIRS)),
                 "fields": [plain_numbers(scene_fields(scene)[0]), *as_json(scene_fields(scene)[1:])],
                 "cue": list(cue_numbers(scene)) if scene.physics.motion == "sliding" else None,
                 "max_time": scene.physics.max_time,
