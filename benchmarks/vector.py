@@ -95,8 +95,9 @@ def outside_engine(count: int, steps: int, **arguments: Any) -> Callable[[], flo
     """Returns a function that steps environments on one thread and returns the share of the time outside the engine."""
     inside = 0.0
 
-    def timed(*choice: Any) -> Callable[..., None]:
-        engine = Typed(run_shots_of(*choice))
+    def timed(*choice: Any) -> tuple[Callable[..., None], Any]:
+        run_shots, kernels = run_shots_of(*choice)
+        engine = Typed(run_shots)
 
         def run(*arguments: Any) -> None:
             nonlocal inside
@@ -104,7 +105,7 @@ def outside_engine(count: int, steps: int, **arguments: Any) -> Callable[[], flo
             engine.call(*arguments)
             inside += perf_counter() - begun
 
-        return run
+        return run, kernels
 
     with patch.object(step, "run_shots_of", timed):
         play = many(native(count, **{"threads": 1, **arguments}), steps)

@@ -1,20 +1,18 @@
 """A queue without optimisations for the event loop of `engine.pic`: it solves and compares all predictions.
 
-Tests compare the engine with it bit for bit. The functions of the event loop have the arguments and
-results of those in `engine.all_pairs`.
+Tests compare the engine with it bit for bit. The kernels of the queue have the arguments and results of those in
+`engine.all_pairs`.
 """
 
 from __future__ import annotations
 
 import math
-import sys
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.engine.all_pairs import SOON, most_contacts
+from billiards_env.engine import all_pairs
 from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, LANDING, ROLLING_REST, SLIDING_ROLLING, phase_end
-from billiards_env.engine.pic import event_loop, make_workspace
 from billiards_env.engine.pic_events import add_contact
 from billiards_env.engine.predictions import (
     PAIR_RANK,
@@ -27,9 +25,7 @@ from billiards_env.engine.predictions import (
     rise_between,
     single_time,
 )
-from billiards_env.engine.runner import for_all_shots
-from billiards_env.jit import allocating, allocating_entry_point, kernel
-from billiards_env.physics.clusters.impulses import empty_scratch
+from billiards_env.jit import allocating, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import IMPULSE_ROUNDING, circle_time, contact_distance, line_time
 from billiards_env.physics.geometry.outline_walls import OUTLINE, any_wall_time
@@ -42,6 +38,7 @@ from billiards_env.physics.state import (
     POTTED,
     REST,
     ROLLING,
+    SceneKernels,
     Time,
     before,
     is_airborne,
@@ -49,9 +46,10 @@ from billiards_env.physics.state import (
     moves,
     own_time,
     same,
-    scene_of,
     since,
 )
+
+SOON, most_contacts, empty_scratch = all_pairs.SOON, all_pairs.most_contacts, all_pairs.empty_scratch
 
 
 class Queue(NamedTuple):
@@ -205,20 +203,7 @@ def gather(now, state, scene, queue, contacts):
     return count
 
 
-_run_all = for_all_shots(event_loop(sys.modules[__name__]))
-
-
-@allocating_entry_point
-def _run_shots(kernels, begin, end, scene, limit, max_events, shots, log):
-    """Implements `run_shots`; the kernels have the plain times of cushions."""
-    arrays = scene_of(kernels, scene, 0)
-    most = most_contacts(arrays)
-    scratch = empty_scratch(len(arrays.radius), most, arrays.laws.friction, arrays.flight)
-    work = make_workspace(arrays, empty_queue(arrays), most, scratch)
-    _run_all(range(begin, end), kernels, scene, work, limit, max_events, shots, log)
-
-
-def run_shots(kernels: Any, *arguments: Any) -> None:
-    """Runs shots of a batch in place; the arguments are those of `engine.pic.run_shots`."""
+def with_plain_walls(kernels: SceneKernels) -> SceneKernels:
+    """Returns the kernels of a scene with the plain times of cushions."""
     time = _outline_time if kernels.walls is OUTLINE else _rectangle_time
-    _run_shots(kernels._replace(walls=kernels.walls._replace(time=time)), *arguments)
+    return kernels._replace(walls=kernels.walls._replace(time=time))

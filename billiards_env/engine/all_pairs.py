@@ -3,8 +3,8 @@
 For most pairs a lower bound of the time of their meeting is enough. When a bound is the earliest of all predictions,
 the queue replaces it by the time.
 
-`engine.cell_grid` has the same public functions, for many balls: `empty_queue`, `most_contacts`, `clear`, `predict`,
-`earliest`, `due` and `gather`. `engine.pic` calls them.
+`engine.cell_grid` has the same public functions, for many balls. `predictions.QueueKernels` lists them, and
+`engine.pic` calls them.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ from billiards_env.engine.predictions import (
     single_time,
 )
 from billiards_env.jit import allocating, inlined
+from billiards_env.physics.clusters import impulses
 from billiards_env.physics.motion import Path, difference, path_after, path_of
 from billiards_env.physics.state import AX, AY, T0, VX, VY, Time, X, Y, same
 
@@ -82,6 +83,12 @@ def most_contacts(scene):
     """Returns the largest number of contacts at one instant."""
     n = len(scene.radius)
     return max(1, n * (n - 1) // 2)
+
+
+@allocating
+def empty_scratch(scene, most):
+    """Returns the `Scratch` for `most` contacts of the balls of a scene."""
+    return impulses.empty_scratch(len(scene.radius), most, scene.laws.friction, scene.flight)
 
 
 @inlined

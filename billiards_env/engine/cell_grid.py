@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.engine.all_pairs import SOON
+from billiards_env.engine import all_pairs
 from billiards_env.engine.pic_events import add_contact
 from billiards_env.engine.predictions import (
     CROSSING_RANK,
@@ -37,6 +37,8 @@ from billiards_env.jit.interrupt import interrupted
 from billiards_env.physics.geometry.contact import line_time
 from billiards_env.physics.motion import motion_after
 from billiards_env.physics.state import AX, AY, LASTS, Time, X, Y, before, moves, own_time, same, since
+
+SOON, empty_scratch = all_pairs.SOON, all_pairs.empty_scratch
 
 _MARGIN = 1.0 + 1e-6  # least width of a cell in diameters: despite rounding, balls that touch are in neighbouring cells
 

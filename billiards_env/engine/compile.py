@@ -31,9 +31,8 @@ from billiards_env.physics.state import (
 from billiards_env.scene import CUSHION_NAMES, PARAMETERS, Physics, Scene, law_numbers
 from billiards_env.support.checks import RANGES, fits, one_of, short
 
-MODES = {"pic": pic.run_shots, "pit": pit.run_shots}
-"""The function that runs shots for each mode. For at most two and for many balls `run_shots_of` returns other functions
-of PIC. All have the same arguments."""
+MODES = ("pic", "pit")
+"""The modes of an `Engine`."""
 
 MOTIONS = {"ideal": IDEAL, "rolling": ROLLING_ONLY, "sliding": SLIDING_AND_ROLLING}
 """`Numbers.motion` for each motion of a scene."""
@@ -76,7 +75,7 @@ class Engine:
 
     def __post_init__(self) -> None:
         mode, dt, fix = self.mode, self.dt, self.fix
-        one_of("mode", mode, tuple(MODES))
+        one_of("mode", mode, MODES)
         if mode == "pic":
             for name, value, what in (("dt", dt, "timestep (mode='pit' has one)"), ("fix", fix, "overlaps to fix")):
                 if value is not None:
@@ -114,13 +113,6 @@ def check_varied_name(what: str, name: Any, engine: Engine) -> None:
         raise ValueError(f"{what}['dt'] with mode='pic': expected mode='pit', PIC has no timestep")
 
 
-def run_shots_of(engine: Engine, n_balls: int) -> Callable[..., None]:
-    """Returns the function that runs shots of a number of balls by an engine."""
-    if engine.mode == "pic" and n_balls <= 2:
-        return pic.run_shots_of_at_most_two
-    return pic.run_shots_of_many if engine.mode == "pic" and n_balls >= MANY_BALLS else MODES[engine.mode]
-
-
 _KEPT = 256  # results of `cached_by_scene`
 
 
@@ -144,6 +136,16 @@ def cached_by_scene(function: Callable[[Scene, Any], Any]) -> Callable[[Scene, A
     return call
 
 
+@cached_by_scene
+def run_shots_of(scene: Scene, engine: Engine) -> tuple[Callable[..., None], Any]:
+    """Returns the function that runs the shots of a scene by an engine, and its argument `kernels`."""
+    if engine.mode == "pit":
+        return pit.run_shots, scene_kernels(scene)
+    n = scene.n_balls
+    queue = pic.ONE_PAIR if n <= 2 else pic.ALL_PAIRS if n < MANY_BALLS else pic.CELL_GRID
+    return pic.run_shots, pic.PicKernels(scene_kernels(scene), queue)
+
+
 def scene_fields(scene: Scene, engine: Engine = PIC) -> tuple[Any, ...]:
     """Returns a scene and the settings of an engine as the argument `scene` of an entry point, see `SceneArrays`.
 
@@ -152,9 +154,9 @@ def scene_fields(scene: Scene, engine: Engine = PIC) -> tuple[Any, ...]:
     return _compiled(scene, engine)[1]
 
 
-def scene_kernels(scene: Scene, engine: Engine = PIC) -> SceneKernels:
-    """Returns the kernels of a scene and of an engine: the argument `kernels` of an entry point."""
-    return _compiled(scene, engine)[0]
+def scene_kernels(scene: Scene) -> SceneKernels:
+    """Returns the kernels of a scene: the argument `kernels` of an entry point."""
+    return _compiled(scene, PIC)[0]
 
 
 def scene_arrays(scene: Scene) -> SceneArrays:

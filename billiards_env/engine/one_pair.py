@@ -38,6 +38,18 @@ def empty_queue(scene):
 
 
 @inlined
+def most_contacts(scene):
+    """Returns the largest number of contacts at one instant."""
+    return 1
+
+
+@inlined
+def empty_scratch(scene, most):
+    """Returns None: one contact needs no `Scratch`."""
+    return None
+
+
+@inlined
 def predict(changed, count, now, state, scene, queue):  # out: queue
     """Predicts the next events of the first `count` balls of `changed`; see `all_pairs.predict`."""
     for c in range(count):

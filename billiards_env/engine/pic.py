@@ -14,7 +14,6 @@ compiled without the code for several impacts.
 from __future__ import annotations
 
 import math
-from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,17 +22,32 @@ from billiards_env.engine import all_pairs, cell_grid, one_pair
 from billiards_env.engine.contact_rule import Memory, empty_memory, reset_memory
 from billiards_env.engine.log import clear_log, log_segment
 from billiards_env.engine.pic_events import resolve_impacts, resolve_singles
-from billiards_env.engine.predictions import PAIR_RANK
+from billiards_env.engine.predictions import PAIR_RANK, QueueKernels, queue_of
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, end_at
 from billiards_env.jit import allocating, allocating_entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
-from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts, empty_scratch
+from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts
 from billiards_env.physics.motion import begin_phase
-from billiards_env.physics.state import State, Time, empty_state, scene_of
+from billiards_env.physics.state import SceneKernels, State, Time, empty_state, scene_of
 
 CLUSTER_WORK = 100
 """Largest amount of work for each two of the impacts at one instant, in the unit of `LOOK_AFTER`."""
+
+
+class PicKernels(NamedTuple):
+    """The kernels of the event loop.
+
+    Attributes:
+        scene: The `SceneKernels`.
+        queue: The `QueueKernels`: `ONE_PAIR` for at most two balls, `ALL_PAIRS` or, faster for many, `CELL_GRID`.
+    """
+
+    scene: SceneKernels
+    queue: QueueKernels
+
+
+ONE_PAIR, ALL_PAIRS, CELL_GRID = queue_of(one_pair), queue_of(all_pairs), queue_of(cell_grid)
 
 
 class PicWorkspace(NamedTuple):
@@ -41,7 +55,8 @@ class PicWorkspace(NamedTuple):
 
     Attributes:
         state: The `State` of the balls.
-        queue: The queue of predictions.
+        kernels: The `QueueKernels`.
+        queue: The arrays of the queue of predictions.
         contacts: The `Contacts` at one instant.
         scratch: The `Scratch` of their resolution; None for at most two balls.
         memory: The `Memory` of the contact-time rule.
@@ -50,6 +65,7 @@ class PicWorkspace(NamedTuple):
     """
 
     state: State
+    kernels: QueueKernels
     queue: Any
     contacts: Contacts
     scratch: Scratch | None
@@ -59,18 +75,18 @@ class PicWorkspace(NamedTuple):
 
 
 @allocating
-def make_workspace(scene, queue, most, scratch):
-    """Returns the `PicWorkspace` for the balls of a scene, with up to `most` contacts at one instant."""
-    n = len(scene.radius)
-    due, changed = np.empty(n, np.int64), np.empty(2 * (most + n), np.int64)
+def make_workspace(scene, kernels):
+    """Returns the `PicWorkspace` for the balls of a scene and a queue."""
+    n, most = len(scene.radius), kernels.most_contacts(scene)
     return PicWorkspace(
         state=empty_state(n, scene.flight),
-        queue=queue,
+        kernels=kernels,
+        queue=kernels.empty_queue(scene),
         contacts=empty_contacts(most, scene.flight),
-        scratch=scratch,
+        scratch=kernels.empty_scratch(scene, most),
         memory=empty_memory(n),
-        due=due,
-        changed=changed,
+        due=np.empty(n, np.int64),
+        changed=np.empty(2 * (most + n), np.int64),
     )
 
 
@@ -92,60 +108,58 @@ def begin_phases(count, changed, state, scene, log):  # out: state, log
         log_segment(log, state, changed[c])
 
 
-def event_loop(queue: ModuleType) -> Any:
-    """Returns the kernel that runs one shot with the predictions in a queue.
+@inlined
+def resolve(event, k, scene, work, shots, log):  # out: work, shots, log
+    """Advances the balls of a `NextEvent` to its time, changes their motion, and records what happens.
 
-    Args:
-        queue: The module `one_pair`, `all_pairs` or `cell_grid`.
+    Returns:
+        The number of balls listed in `work.changed`, and the amount of work, in the unit of `LOOK_AFTER`.
     """
-    clear, predict, earliest, due, gather = queue.clear, queue.predict, queue.earliest, queue.due, queue.gather
-
-    @inlined
-    def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
-        """Runs shot k to rest, to the time `limit` (s) or to `max_events` events.
-
-        Returns:
-            The amount of work, in the unit of `LOOK_AFTER`, or INTERRUPTED.
-        """
-        state, changed, now = work.state, work.changed, Time(0.0, 0.0)
-        n_changed = begin_shot(state, work.memory, changed, log)
-        clear(state, scene, work.queue)
-        total = pending = 0
-        while True:
-            begin_phases(n_changed, changed, state, scene, log)
-            spent = predict(changed, n_changed, now, state, scene, work.queue)
-            event = earliest(state, scene, work.queue, limit)
-            if event.time.hi > limit or event.time.hi == math.inf:
-                break
-            if shots.n_events[k] >= max_events:
-                end_at(now, k, state, scene, shots, AT_EVENT_LIMIT)
-                shots.time[k] = now.hi
-                return total + pending
-            pending += spent
-            if pending > LOOK_AFTER or spent < 0:
-                if spent < 0 or interrupted():
-                    return INTERRUPTED
-                total, pending = total + pending, 0
-            now = event.time
-            if event.rank == PAIR_RANK:
-                n_contacts = gather(now, state, scene, work.queue, work.contacts)  # advances their balls
-                n_changed = resolve_impacts(n_contacts, now, k, scene, work, shots, log)
-                pending += CLUSTER_WORK * n_contacts * (n_contacts - 1)
-            else:
-                n_due = due(event, work.queue, work.due)
-                n_changed = resolve_singles(n_due, now, k, scene, work, shots, log)  # advances the balls
-                pending += scene.numbers.cushion_work * n_changed
-        if limit < math.inf:
-            end_at(Time(limit, 0.0), k, state, scene, shots, AT_MAX_TIME)
-        shots.time[k] = limit if shots.status[k] == AT_MAX_TIME else now.hi
-        return total + pending
-
-    return run
+    queue, now = work.kernels, event.time
+    if event.rank == PAIR_RANK:
+        count = queue.gather(now, work.state, scene, work.queue, work.contacts)  # advances the balls
+        return resolve_impacts(count, now, k, scene, work, shots, log), CLUSTER_WORK * count * (count - 1)
+    count = queue.due(event, work.queue, work.due)
+    changed = resolve_singles(count, now, k, scene, work, shots, log)  # advances the balls
+    return changed, scene.numbers.cushion_work * changed
 
 
-_run_one_pair = for_all_shots(event_loop(one_pair))
-_run_all_pairs = for_all_shots(event_loop(all_pairs))
-_run_cell_grid = for_all_shots(event_loop(cell_grid))
+@inlined
+def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
+    """Runs shot k to rest, to the time `limit` (s) or to `max_events` events.
+
+    Returns:
+        The amount of work, in the unit of `LOOK_AFTER`, or INTERRUPTED.
+    """
+    state, queue, changed, now = work.state, work.kernels, work.changed, Time(0.0, 0.0)
+    n_changed = begin_shot(state, work.memory, changed, log)
+    queue.clear(state, scene, work.queue)
+    total = pending = 0
+    while True:
+        begin_phases(n_changed, changed, state, scene, log)
+        spent = queue.predict(changed, n_changed, now, state, scene, work.queue)
+        event = queue.earliest(state, scene, work.queue, limit)
+        if event.time.hi > limit or event.time.hi == math.inf:
+            break
+        if shots.n_events[k] >= max_events:
+            end_at(now, k, state, scene, shots, AT_EVENT_LIMIT)
+            shots.time[k] = now.hi
+            return total + pending
+        pending += spent
+        if pending > LOOK_AFTER or spent < 0:
+            if spent < 0 or interrupted():
+                return INTERRUPTED
+            total, pending = total + pending, 0
+        now = event.time
+        n_changed, spent = resolve(event, k, scene, work, shots, log)
+        pending += spent
+    if limit < math.inf:
+        end_at(Time(limit, 0.0), k, state, scene, shots, AT_MAX_TIME)
+    shots.time[k] = limit if shots.status[k] == AT_MAX_TIME else now.hi
+    return total + pending
+
+
+_run_all = for_all_shots(run)
 
 
 @allocating_entry_point
@@ -153,7 +167,7 @@ def run_shots(kernels, begin, end, scene, limit, max_events, shots, log):  # out
     """Runs shots `begin` to `end` - 1 of a batch in place. An interrupted shot keeps its start.
 
     Args:
-        kernels: The `SceneKernels`.
+        kernels: The `PicKernels`. With more than two balls, the queue `ONE_PAIR` would write outside the arrays.
         begin: First shot.
         end: One past the last.
         scene: The other `SceneArrays`, as a plain tuple, like `shots` and `log`: numba unpacks it in half the time.
@@ -162,30 +176,5 @@ def run_shots(kernels, begin, end, scene, limit, max_events, shots, log):  # out
         shots: The `Shots`.
         log: The `Log`; it holds the last shot.
     """
-    arrays = scene_of(kernels, scene, 0)
-    n, most = len(arrays.radius), all_pairs.most_contacts(arrays)
-    scratch = empty_scratch(n, most, arrays.laws.friction, arrays.flight)
-    queue = all_pairs.empty_queue(arrays)
-    work = make_workspace(arrays, queue, most, scratch)
-    end_call(_run_all_pairs(range(begin, end), kernels, scene, work, limit, max_events, shots, log))
-
-
-@allocating_entry_point
-def run_shots_of_at_most_two(kernels, begin, end, scene, limit, max_events, shots, log):  # out: shots, log
-    """Computes the same bits as `run_shots` for at most two balls, and compiles in less time.
-
-    With more balls it would write outside the arrays.
-    """
-    arrays = scene_of(kernels, scene, 0)
-    work = make_workspace(arrays, one_pair.empty_queue(arrays), 1, None)
-    end_call(_run_one_pair(range(begin, end), kernels, scene, work, limit, max_events, shots, log))
-
-
-@allocating_entry_point
-def run_shots_of_many(kernels, begin, end, scene, limit, max_events, shots, log):  # out: shots, log
-    """Computes the same bits as `run_shots`, faster for many balls."""
-    arrays = scene_of(kernels, scene, 0)
-    most = cell_grid.most_contacts(arrays)
-    scratch = empty_scratch(len(arrays.radius), most, arrays.laws.friction, arrays.flight)
-    work = make_workspace(arrays, cell_grid.empty_queue(arrays), most, scratch)
-    end_call(_run_cell_grid(range(begin, end), kernels, scene, work, limit, max_events, shots, log))
+    work = make_workspace(scene_of(kernels.scene, scene, 0), kernels.queue)
+    end_call(_run_all(range(begin, end), kernels.scene, scene, work, limit, max_events, shots, log))

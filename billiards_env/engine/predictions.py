@@ -7,6 +7,7 @@ balls that a path cannot reach. They do not change the results, because their ma
 from __future__ import annotations
 
 import math
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -55,6 +56,35 @@ from billiards_env.physics.state import (
 
 CROSSING_RANK, POCKET_RANK, PAIR_RANK, CUSHION_RANK, PHASE_RANK = -1, 0, 1, 2, 3
 """The order of events at one instant. CROSSING_RANK is that of a ball that enters another cell of `cell_grid`."""
+
+
+class QueueKernels(NamedTuple):
+    """A queue of predictions: the kernels of `all_pairs`, `one_pair` or `cell_grid`, which describe their arguments.
+
+    Attributes:
+        most_contacts: The largest number of contacts at one instant.
+        empty_scratch: The `Scratch` of their resolution; None for one contact.
+        empty_queue: The arrays of the queue.
+        clear: Removes all predictions.
+        predict: Predicts the next events of balls.
+        earliest: The next event.
+        due: The balls that an event of single balls concerns.
+        gather: The contacts of the impacts at an instant. It advances their balls.
+    """
+
+    most_contacts: Any
+    empty_scratch: Any
+    empty_queue: Any
+    clear: Any
+    predict: Any
+    earliest: Any
+    due: Any
+    gather: Any
+
+
+def queue_of(module: ModuleType) -> QueueKernels:
+    """Returns the kernels of a module."""
+    return QueueKernels(*(getattr(module, name) for name in QueueKernels._fields))
 
 
 class Singles(NamedTuple):

@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, ShotInput, Shots, run_shots_of
-from billiards_env.engine.compile import scene_kernels
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shots import start_fields
 from billiards_env.envs.actions import (
@@ -234,11 +233,11 @@ def drive_frozen(state: State, begin: int, end: int, strokes: Floats) -> None:
 
 def engine_run(model: Model) -> Callable[..., None]:
     """Returns the part that runs the shots."""
-    run_shots, limit = Typed(run_shots_of(model.engine, model.scene.n_balls)), time_limit(model)
-    kernels = scene_kernels(model.scene, model.engine)
+    (run_shots, kernels), limit = run_shots_of(model.scene, model.engine), time_limit(model)
+    typed = Typed(run_shots)
 
     def run(state: State, begin: int, end: int, strokes: Floats) -> None:
-        run_shots.call(kernels, begin, end, state.fields, limit, MAX_EVENTS, state.shots, NO_LOG)
+        typed.call(kernels, begin, end, state.fields, limit, MAX_EVENTS, state.shots, NO_LOG)
 
     return run
 

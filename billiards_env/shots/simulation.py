@@ -17,7 +17,6 @@ from billiards_env.engine.compile import (
     check_engine,
     run_shots_of,
     scene_fields,
-    scene_kernels,
     varied_fields,
     varied_shot,
     with_scatter,
@@ -159,8 +158,7 @@ def run_shot(
         The balls at the end of the shot, and what happened.
     """
     n = scene.n_balls
-    kernels, run_shots = scene_kernels(scene, engine), run_shots_of(engine, n)
-    arrays = with_scatter(scene_fields(scene, engine), shot.scatter)
+    (run_shots, kernels), arrays = run_shots_of(scene, engine), with_scatter(scene_fields(scene, engine), shot.scatter)
     room = 256 if record else 0
     while True:
         flight = scene.physics.flight
@@ -371,7 +369,7 @@ def simulate_batch(
     moving, turning = numbers("velocities", moving), None if turning is None else numbers("spins", turning)
     limit = check_shot(scene, positions, moving, turning, in_play, max_time, shots, threads).limit
     in_play = None if in_play is None else np.broadcast_to(np.array(in_play), shots.in_play.shape)
-    kernels, run_shots, plain = scene_kernels(scene, engine), run_shots_of(engine, scene.n_balls), tuple(shots)
+    (run_shots, kernels), plain = run_shots_of(scene, engine), tuple(shots)
     arrays = with_scatter(varied_fields(scene, engine, varied, m), scattered)
     if isinstance(velocities, Strike) and strike_frozen(scene, arrays, start_fields(plain), end=m):
         start = ShotInput(*start_fields(shots))

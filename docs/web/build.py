@@ -93,8 +93,8 @@ def entry_points() -> list[tuple[str, Any, tuple[Any, ...]]]:
         scene = Scene.named(kind, 1)
         shots, log = tuple(empty_shots(1, scene.n_balls)), tuple(empty_log(1, 1))
         kernels, fields, starts = scene_kernels(scene), scene_fields(scene), start_fields(shots)
-        run = kernels, 0, 1, fields, math.inf, 1, shots, log
-        calls += [(f"pic_{kind}", pic.run_shots, run), (f"pit_{kind}", pit.run_shots, run)]
+        run, loop = (0, 1, fields, math.inf, 1, shots, log), pic.PicKernels(kernels, pic.ALL_PAIRS)
+        calls += [(f"pic_{kind}", pic.run_shots, (loop, *run)), (f"pit_{kind}", pit.run_shots, (kernels, *run))]
         calls.append((f"valid_{kind}", is_valid_fast, (kernels, 0, 1, fields, starts)))
         calls.append((f"drive_{kind}", frozen_strike._drive, (kernels, 0, 1, 0, cue, fields, starts)))
     strike = np.empty((1, 5)), np.empty((1, 2)), np.empty((1, 3)), np.empty(1, np.bool_)
@@ -181,7 +181,7 @@ def data() -> dict[str, Any]:
         "scenes": {
             name: {
                 "kind": kind_of(scene),
-                "kernels": as_json(scene_kernels(scene)),
+                "kernels": as_json(pic.PicKernels(scene_kernels(scene), pic.ALL_PAIRS)),
                 "fields": [plain_numbers(scene_fields(scene)[0]), *as_json(scene_fields(scene)[1:])],
                 "cue": list(cue_numbers(scene)) if scene.physics.motion == "sliding" else None,
                 "max_time": scene.physics.max_time,

@@ -192,7 +192,7 @@ class Engine {
     const starts = this.starts(scene, positions, velocities, options), { kind, kernels } = this.scene(scene);
     const fields = this.fields(scene, positions.length);
     reset(this.exports);
-    return (call(this.exports, `valid_${kind}`, [kernels, 0n, 1n, fields, starts]).read()[0] & 255) === 1;
+    return (call(this.exports, `valid_${kind}`, [kernels[0], 0n, 1n, fields, starts]).read()[0] & 255) === 1;
   }
 
   /** The velocity and the spin that a cue (m/s, rad, ball radii) gives a free ball, and whether the tip slips. */
@@ -233,8 +233,8 @@ class Engine {
       const log = [out("f8", room, EVENT_WIDTH), out("f8", 4 * room, PIECE_WIDTH), used, out("i8", 0, 2)];
       const limit = maxTime ?? max_time ?? Infinity;
       reset(this.exports);
-      if (struck) call(this.exports, `drive_${kind}`, [kernels, 0n, 1n, 0n, cue, this.fields(scene, n, numbers), starts]);
-      call(this.exports, `${mode}_${kind}`, [kernels, 0n, 1n, this.fields(scene, n, changes), limit, BigInt(maxEvents), starts, results, log]);
+      if (struck) call(this.exports, `drive_${kind}`, [kernels[0], 0n, 1n, 0n, cue, this.fields(scene, n, numbers), starts]);
+      call(this.exports, `${mode}_${kind}`, [mode === "pic" ? kernels : kernels[0], 0n, 1n, this.fields(scene, n, changes), limit, BigInt(maxEvents), starts, results, log]);
       const [nEvents, nSegments] = [...used.read()].map(Number);
       if (nEvents > room || nSegments > 4 * room) continue;  // the log was too small: the shot runs again
       const [balls, speeds, turns, playing] = starts.slice(0, 4).map(array => array.read());

@@ -9,11 +9,10 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from benchmarks.reference import plain
 from benchmarks.reference.stress import checks, families
 from benchmarks.reference.stress.draw import star
 from billiards_env import Scene
-from billiards_env.engine import MAX_EVENTS, PIC, Engine, pic, pit
+from billiards_env.engine import MAX_EVENTS, PIC, Engine, pic
 from billiards_env.engine.log import N_EVENTS_LOGGED, N_SEGMENTS_LOGGED, SEGMENT_ROW, TIME, Log
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.shot_input import check_shot
@@ -21,7 +20,7 @@ from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_REST, Shots
 from billiards_env.physics.state import T0
 from billiards_env.scene import Balls, Physics, Table, layouts
 from billiards_env.shots.simulation import run_shot
-from tests.helpers.engine_runs import run
+from tests.helpers.engine_runs import CELL_GRID, PLAIN, run
 from tests.helpers.impacts import cluster
 from tests.helpers.outlines import MARBLES, TABLES, mirrored
 from tests.helpers.shots import (
@@ -246,29 +245,29 @@ def test_impacts_do_not_move_a_fixed_ball(physics):
 FAMILIES = ("pool, 1 object ball", "UK pool, 5 object balls", "15-ball break, tight rack", "ideal gas of 16 disks")
 
 
-def arrays_of(engine, shot, **options):
+def arrays_of(queue, shot, **options):
     """Returns the `Shots` of one shot, its events and its segments."""
-    arrays = run(engine, shot, record=True, **options)
+    arrays = run(queue, shot, record=True, **options)
     shots, log = Shots(*arrays[: len(Shots._fields)]), Log(*arrays[len(Shots._fields) :])
     return shots, log.events[: log.used[N_EVENTS_LOGGED]], log.segments[: log.used[N_SEGMENTS_LOGGED]]
 
 
-def check_cuts(engine, shot, rng, **options):
+def check_cuts(queue, shot, rng, **options):
     """Cuts a shot at random times, at the times of events and at numbers of events."""
-    uncut, events, segments = arrays_of(engine, shot, **options)
+    uncut, events, segments = arrays_of(queue, shot, **options)
     if len(events) == 0:
         return
     times = events[rng.integers(len(events), size=3), TIME]
     limits = np.concatenate((rng.uniform(0, events[-1, TIME], 3), times, np.nextafter(times, 0)))
     for limit in limits:
-        _, kept, pieces = arrays_of(engine, shot, max_time=limit, **options)
+        _, kept, pieces = arrays_of(queue, shot, max_time=limit, **options)
         assert np.array_equal(kept, events[events[:, TIME] <= limit])
         assert np.array_equal(pieces, segments[: len(pieces)])
         assert (segments[len(pieces) :, SEGMENT_ROW + T0] >= limit).all()
     if uncut.status[0] == AT_REST:
-        assert arrays_of(engine, shot, max_events=len(events), **options)[0].status[0] == AT_REST
+        assert arrays_of(queue, shot, max_events=len(events), **options)[0].status[0] == AT_REST
     for most in rng.integers(len(events), size=3):
-        shots, kept, pieces = arrays_of(engine, shot, max_events=most, **options)
+        shots, kept, pieces = arrays_of(queue, shot, max_events=most, **options)
         assert most <= len(kept) == shots.n_events[0]
         assert shots.status[0] == AT_EVENT_LIMIT or len(kept) == len(events)
         assert shots.time[0] == (kept[-1, TIME] if len(kept) else 0.0)
@@ -284,12 +283,12 @@ def test_a_shot_that_is_cut_is_a_prefix_of_the_whole_shot(family, seed, dt, fix)
     rng = np.random.default_rng(seed)
     shot = families.FAMILIES[family](rng, 1)
     assert shot is not None
-    engines = [pic.run_shots]
+    queues = [pic.ALL_PAIRS]
     if shot[0].balls.shape == "disk":  # for spheres they are not compiled
-        engines += [pic.run_shots_of_many, plain.run_shots]
+        queues += [CELL_GRID, PLAIN]
     if shot[0].n_balls <= 2:
-        engines.append(pic.run_shots_of_at_most_two)
-    for engine in engines:
-        check_cuts(engine, shot, rng)
+        queues.append(pic.ONE_PAIR)
+    for queue in queues:
+        check_cuts(queue, shot, rng)
     if seed % 2:
-        check_cuts(pit.run_shots, shot, rng, dt=dt, fix=fix)
+        check_cuts(None, shot, rng, dt=dt, fix=fix)

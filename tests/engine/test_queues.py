@@ -8,7 +8,7 @@ import pytest
 from benchmarks.reference.stress import families
 from billiards_env import Scene
 from billiards_env.engine import pic
-from billiards_env.engine.compile import MANY_BALLS, PIC, run_shots_of
+from billiards_env.engine.compile import MANY_BALLS, PIC, run_shots_of, scene_kernels
 from billiards_env.engine.predictions import meeting_bound
 from billiards_env.physics.geometry.contact import circle_time
 from billiards_env.physics.motion import Path
@@ -64,12 +64,12 @@ def test_many_shots_are_equal(name):
 @pytest.mark.parametrize("radii", [(0.03,), (0.01, 0.03), (0.002, 0.05)])
 def test_shots_of_many_balls_are_equal(motion, radii):
     for seed, n in enumerate((2, 65, 150)):
-        check(moving_lattice(n, seed, radii, motion), engines=[CELL_GRID], record=True)
+        check(moving_lattice(n, seed, radii, motion), queues=[CELL_GRID], record=True)
 
 
 def test_shots_of_a_frozen_block_are_equal():
     for seed in range(3):
-        check(moving_lattice(36, seed, frozen=True, motion="sliding"), engines=[CELL_GRID], record=True)
+        check(moving_lattice(36, seed, frozen=True, motion="sliding"), queues=[CELL_GRID], record=True)
 
 
 def test_shots_of_many_balls_in_the_air_are_equal():
@@ -79,20 +79,22 @@ def test_shots_of_many_balls_in_the_air_are_equal():
     scene = Scene(Balls.uniform(n, 0.028575), table, Physics(flight=True, ball_ball="frictional"))
     places = np.column_stack((places, rng.uniform(-0.1, 0.1, n).clip(0.0)))
     velocities = rng.normal(size=(1, n, 3))
-    check((scene, places[None], velocities, 40 * velocities), engines=[CELL_GRID], record=True, max_time=0.2)
+    check((scene, places[None], velocities, 40 * velocities), queues=[CELL_GRID], record=True, max_time=0.2)
 
 
 @pytest.mark.parametrize("limit", [{"max_time": 0.0}, {"max_time": 0.3}, {"max_events": 0}, {"max_events": 9}])
 def test_shots_that_reach_a_limit_are_equal(limit):
-    check(moving_lattice(80, 5), engines=[CELL_GRID], **limit)
+    check(moving_lattice(80, 5), queues=[CELL_GRID], **limit)
     for name in ("pool, 5 object balls", "15-ball break, tight rack", "ideal gas of 16 disks"):
         check(families.FAMILIES[name](np.random.default_rng(9), 3), record=True, **limit)
 
 
-def test_the_number_of_balls_selects_the_engine():
-    assert run_shots_of(PIC, 1) is run_shots_of(PIC, 2) is pic.run_shots_of_at_most_two
-    assert run_shots_of(PIC, 3) is run_shots_of(PIC, MANY_BALLS - 1) is pic.run_shots
-    assert run_shots_of(PIC, MANY_BALLS) is pic.run_shots_of_many
+@pytest.mark.parametrize(
+    ("n", "queue"), [(1, pic.ONE_PAIR), (2, pic.ONE_PAIR), (3, pic.ALL_PAIRS), (159, pic.ALL_PAIRS), (160, CELL_GRID)]
+)
+def test_the_number_of_balls_selects_the_queue(n, queue):
+    scene = Scene(Balls.uniform(n))
+    assert run_shots_of(scene, PIC) == (pic.run_shots, pic.PicKernels(scene_kernels(scene), queue))
 
 
 def test_the_bound_of_a_meeting_is_not_later_and_often_close_to_it():

@@ -66,13 +66,14 @@ def test_each_shot_runs_the_engine_once(render_mode, vector, monkeypatch):
     limits = []
 
     def counting(*choice):
-        engine = Typed(run_shots_of(*choice))
+        run_shots, chosen = run_shots_of(*choice)
+        engine = Typed(run_shots)
 
         def run(kernels, begin, end, scene, limit, *rest):
             limits.append(limit)
             engine.call(kernels, begin, end, scene, limit, *rest)
 
-        return run
+        return run, chosen
 
     for module in (step, simulation):
         monkeypatch.setattr(module, "run_shots_of", counting)

@@ -2,7 +2,7 @@
 
 import re
 import sys
-from types import FunctionType, ModuleType
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from billiards_env.engine import PIC, Engine, overlaps
 from billiards_env.engine.compile import run_shots_of
 from billiards_env.jit import inlined
 from billiards_env.jit.code_hash import _own, code_hash, fields_of
+from billiards_env.scene import Scene
 
 KERNELS = '''
 import math
@@ -204,11 +205,13 @@ def test_other_edits_do_not_change_the_hash(monkeypatch, edit):
 @pytest.mark.parametrize("engine", [PIC, Engine("pit", dt=0.01)])
 def test_engines_do_not_depend_on_rules_and_environments(engine):
     """So an edit of a rule, a task or a feature compiles no engine."""
-    run: Any = run_shots_of(engine, 3)
-    while not hasattr(run, "py_func"):
-        run = run.entry
-    reached: set[FunctionType] = set()
-    waiting = [run.py_func]
+    waiting, reached = [], set()
+    parts: list[Any] = [*run_shots_of(Scene.named("pool", 2), engine)]
+    for part in parts:  # grows
+        if isinstance(part, tuple):
+            parts += part
+        elif part is not None:
+            waiting.append(getattr(part, "py_func", part))
     while waiting:
         function = waiting.pop()
         if function not in reached:

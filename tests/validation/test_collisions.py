@@ -1,5 +1,6 @@
 """Impacts of two balls agree with published tables and measurements."""
 
+from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 from benchmarks.validation import collisions as c
 from billiards_env.engine import frozen_strike
-from billiards_env.jit.decorators import allocating_entry_point, specialised
+from billiards_env.jit.decorators import allocating_entry_point
 from billiards_env.scene import Physics
 
 
@@ -28,10 +29,9 @@ def test_frozen_balls_leave_within_four_degrees_of_the_measured_directions(monke
     assert (abs(off) < 3.0).sum() == 8
     assert off[0] == 0.0
     assert frozen.ratio == pytest.approx(0.987, abs=5e-4)
-    drive: Any = frozen_strike._drive
-    constants: Any = {"LEFT": 0.0}  # the constant that the ratio determines
-    without = specialised(drive.py_func, allocating_entry_point, **constants)
-    monkeypatch.setattr(frozen_strike, "_drive", without)
+    drive: Any = getattr(frozen_strike._drive, "py_func", frozen_strike._drive)
+    names = {**drive.__globals__, "LEFT": 0.0}  # the constant that the ratio determines
+    monkeypatch.setattr(frozen_strike, "_drive", allocating_entry_point(FunctionType(drive.__code__, names)))
     other = c.frozen(c.SPEEDS["slow"])
     assert other.ratio == pytest.approx(1.0)
     assert np.abs(np.subtract(other.directions, frozen.directions)).max() < 0.5

@@ -27,7 +27,7 @@ from billiards_env.engine.log import (
     Log,
     empty_log,
 )
-from billiards_env.engine.pic import run_shots
+from billiards_env.engine.pic import ALL_PAIRS, PicKernels, run_shots
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import Shots, empty_shots, start_fields
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
@@ -299,7 +299,7 @@ def _check(log, scene, mass, acts, findings):
 
 @allocating_entry_point
 def _run_checked(kernels, scene, limit, max_events, shots, log, findings):
-    arrays, record = scene_of(kernels, scene, 0), Log(*log)
+    arrays, record = scene_of(kernels.scene, scene, 0), Log(*log)
     mass, used = 1.0 / arrays.inv_mass, record.used
     for k in range(len(findings)):
         run_shots(kernels, k, k + 1, scene, limit, max_events, shots, log)
@@ -364,7 +364,7 @@ def check_shots(
     shots = empty_shots(m, n, flight)
     limit = check_shot(scene, positions, velocities, spins, None, max_time, into=shots).limit
     findings = np.zeros((m, N_FINDINGS))
-    kernels, arrays = scene_kernels(scene), scene_fields(scene)
+    kernels, arrays = PicKernels(scene_kernels(scene), ALL_PAIRS), scene_fields(scene)
     log = empty_log(log_rows, 2 * log_rows + n, flight=flight)
     start = [None if array is None else array.copy() for array in start_fields(shots)]
     _run_checked(kernels, arrays, limit, max_events, tuple(shots), tuple(log), findings)
