@@ -19,8 +19,9 @@ The solution is a sequence of Taylor series of order `ORDER`, whose coefficients
 Interval Analysis, chapter 11). They are series in P, but if both contacts slip, in tau with dP = rho sigma dtau, over
 rho + sigma at the start of the step, where rho and sigma are the sizes of the slips at the cushion and at the cloth. In
 tau, a slip that stops decays exponentially. Slips that begin are series P u(P), or P^2 u(P) at the end of a stick. A
-step ends where a series has a term of 1e-16, and where a contact begins to slip, the ball leaves the cloth or a phase
-ends: at a root of a polynomial. The error is at most 2e-13 of the normal velocity and the rounding of the result.
+step ends where a series has a term of 5e-17, and where a contact begins to slip, the ball leaves the cloth or a phase
+ends: at a root of a polynomial. The error is at most 2e-13 of the normal velocity and the rounding of the result, but
+larger if a slip creeps for `_PATIENCE` steps, with friction near the limit of sticking.
 
 The axes are x along the cushion, y into it and z up. Impulses are per mass; spins are times the radius. Below, (x, y)
 is the slip at the cushion and (u, v) that at the cloth, all velocities are over the normal velocity before the impact,
@@ -134,9 +135,11 @@ def step_length(c):
     if rho > 0.0 and sigma > 0.0:
         length *= 1.0 / rho + 1.0 / sigma
     else:
-        for row, other, size in ((x, y, rho), (u, v, sigma)):
-            if row[0] * row[1] + other[0] * other[1] < 0.0:
-                length = min(length, 0.75 * size / math.sqrt(row[1] * row[1] + other[1] * other[1]))
+        for row, other, size in ((x, y, c[7]), (u, v, c[8])):  # the size is over P^m if the slip begins
+            if size[1] < 0.0 < size[0]:
+                slips = row[0] != 0.0 or other[0] != 0.0
+                fall = math.sqrt(row[1] * row[1] + other[1] * other[1]) if slips else -size[1]
+                length = min(length, 0.75 * size[0] / fall)
     for row in (x, y, u, v):
         last, before = last + abs(row[ORDER]), before + abs(row[ORDER - 1])
     if not last + before < math.inf:
