@@ -131,12 +131,12 @@ def play_hit(table, i, hit, speed, state):
 
 
 @inlined
-def against_throw(ball_friction, table, i, hit, speed, state):
+def against_throw(friction, table, i, hit, speed, state):
     """Returns the `Hit` after which ball i moves in the direction in which it moves without friction after `hit`.
 
-    `ball_friction` is that of `SceneArrays`.
+    `friction` is `SceneArrays.laws.friction`.
     """
-    if ball_friction is None:
+    if friction is None:
         return hit
     return _turned_against_throw(table, i, hit, speed, state)
 
