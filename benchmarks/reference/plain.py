@@ -81,7 +81,7 @@ def clear(state, scene, queue):
 
 @kernel
 def _rectangle_time(path, radius, end, scene):
-    """Returns the same as `rectangle.time`."""
+    """Implements `Walls.time` for a rectangle by a test of all sides."""
     first, wall = math.inf, -1
     for k in range(4):
         sign = 1.0 if k % 2 else -1.0
@@ -96,7 +96,7 @@ def _rectangle_time(path, radius, end, scene):
 
 @kernel
 def _outline_time(path, radius, end, scene):
-    """Returns the same as `outline_walls.time`."""
+    """Implements `Walls.time` for an outline by a test of all cushions."""
     return any_wall_time(path, radius, end, scene.outline)
 
 

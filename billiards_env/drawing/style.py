@@ -112,9 +112,8 @@ def cushion_names(table: Table) -> list[str]:
         ends = line[:2], line[2:]
         side = [name for (axis, place), name in sides.items() if all(abs(end[axis] - place) <= TOUCH for end in ends)]
         x, y = (line.x0 + line.x1) / 2, (line.y0 + line.y1) / 2
-        if ends[0] != ends[1]:
-            jaw = abs(x) > half_x or abs(y) > half_y
-            names.append(f"the {side[0]} cushion" if side else "a facing" if jaw else "a cushion")
+        jaw = abs(x) > half_x or abs(y) > half_y
+        names.append(f"the {side[0]} cushion" if side else "a facing" if jaw else "a cushion")
     return names + ["a tip"] * len(tips)
 
 

@@ -65,11 +65,11 @@ def end_leg(scene, state, i, leg):
         advance(state, i, now, scene.numbers)
         one, two = scene.walls.met(state, i, leg.wall, scene)
         x, y = state.rows[i, X], state.rows[i, Y]
-        normal = scene.walls.normal(x, y, one, scene)
+        nx, ny = scene.walls.normal(x, y, one, scene)
         if two < 0:
-            reflect(state, i, *normal, 0.0, scene)
+            reflect(state, i, nx, ny, 0.0, scene)
         else:
-            reflect_both(state, i, normal, scene.walls.normal(x, y, two, scene), (0.0, 0.0), scene)
+            reflect_both(state, i, (nx, ny), scene.walls.normal(x, y, two, scene), (0.0, 0.0), scene)
 
 
 @kernel

@@ -166,9 +166,8 @@ class LayoutPlan(NamedTuple):
         limits: (n, 3) float64, m: smallest x, largest x and largest abs(y) of a drawn ball.
         radius: (n,) float64, m.
         pockets: (k, 3) float64: x, y, radius, m.
-        outline: The cushions that reach into the rectangle of the table: (e, 4) float64, the ends of the straight
-            cushions and of the chords of the tips, and (t, 3) float64, the tips' circles, m; both are
-            empty if there are none.
+        edges: (e, 7) float64, m: the cushions, if one reaches into the rectangle of the table. A row has the ends of a
+            straight cushion or of the chord of a tip, and x, y and the radius of a circle: the tip's, or its first end.
         d: x of the centre and radius of the D in which balls are drawn, m; infinite without a D.
         midway: Whether the last ball of the order lies midway between the other two, which have no spots.
         shuffled: The balls of a rack that change places at random, as a bit mask: bit i is ball i.
@@ -184,7 +183,7 @@ class LayoutPlan(NamedTuple):
     limits: Floats
     radius: Floats
     pockets: Floats
-    outline: tuple[Floats, Floats]
+    edges: Floats
     d: tuple[float, float]
     midway: bool = False
     shuffled: int = 0
@@ -329,14 +328,13 @@ _ONE = np.ones(1, np.bool_)
 
 
 @kernel
-def is_inside(edges, tips, x, y, reach):
-    """Returns whether a point is inside an outline and at least `reach` from it; True without edges."""
-    for k in range(len(tips)):
-        dx, dy, least = x - tips[k, 0], y - tips[k, 1], tips[k, 2] + reach
+def is_inside(edges, x, y, reach):
+    """Returns whether a point is inside an outline and at least `reach` from it."""
+    inside = False
+    for k in range(len(edges)):
+        dx, dy, least = x - edges[k, 4], y - edges[k, 5], edges[k, 6] + reach
         if dx * dx + dy * dy < least * least:
             return False
-    inside = len(edges) == 0
-    for k in range(len(edges)):
         x0, y0 = edges[k, 0], edges[k, 1]
         dx, dy = edges[k, 2] - x0, edges[k, 3] - y0
         square = dx * dx + dy * dy
@@ -353,9 +351,9 @@ def is_inside(edges, tips, x, y, reach):
 def is_clear(plan, i, x, y, placed, positions):
     """Returns whether ball i at (x, y) is clear of the cushions, the pockets and the first `placed` balls of the order.
 
-    The limits of the plan keep it clear of the cushions of a rectangle.
+    The limits of the plan keep it clear of cushions that are not among its edges.
     """
-    if not is_inside(*plan.outline, x, y, plan.radius[i] + PLACING_GAP):
+    if len(plan.edges) > 0 and not is_inside(plan.edges, x, y, plan.radius[i] + PLACING_GAP):
         return False
     for k in range(placed):
         j = plan.order[k]
@@ -511,11 +509,10 @@ def make_plan(
     pockets = np.array([pocket.circle for pocket in scene.table.pockets]).reshape(-1, 3)
     _check_spots(name, scene, spots, displacement, order[:n_spots])
     lines, tips = ([], []) if scene.table.is_rectangular else pieces(scene.table.outline)
-    edges = np.array([*lines, *(tip[3:] for tip in tips)]).reshape(-1, 4)
-    outline = edges, np.array([tip[:3] for tip in tips]).reshape(-1, 3)
-    d = x_most if d_radius < math.inf else 0.0, d_radius
+    edges = [(*line, *line[:2], 0.0) for line in lines] + [(*tip[3:], *tip[:3]) for tip in tips]
     layout = list(LAYOUTS).index(name)
-    return LayoutPlan(layout, spots, displacement, order, n_spots, limits, radius, pockets, outline, d)
+    rows, d = np.array(edges).reshape(-1, 7), (x_most if d_radius < math.inf else 0.0, d_radius)
+    return LayoutPlan(layout, spots, displacement, order, n_spots, limits, radius, pockets, rows, d)
 
 
 def _check_spots(name: str, scene: Scene, spots: Floats, displacement: float, balls: NDArray[np.int64]) -> None:

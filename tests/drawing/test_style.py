@@ -127,6 +127,12 @@ def test_cushions_have_the_names_of_their_numbers_in_events():
     assert [names[k] for k in hits["other"]] == ["the upper cushion", "the right cushion", "a facing"]
 
 
+def test_a_cushion_between_two_tips_that_meet_has_a_name():
+    corners = [(-1.0, -0.5), (1.0, -0.5), (1.0, 0.5), (0.1, 0.5), (0.1, 0.3), (-0.1, 0.3), (-0.1, 0.5), (-1.0, 0.5)]
+    outline = tuple(Corner(x, y, 0.1 if y == 0.3 else 0.0) for x, y in corners)
+    assert len(style.cushion_names(Table(2.0, 1.0, outline=outline))) == 8 + 2
+
+
 def test_balls_have_the_colours_of_their_game():
     pool, carom = style.looks(Scene.named("pool", 15)), style.looks(Scene.named("carom"))
     assert [look.number for look in pool] == ["", *map(str, range(1, 16))]

@@ -1,5 +1,6 @@
 """Contact times of balls and cushions: none is missed, and none is found where there is none."""
 
+import inspect
 import math
 from typing import Any
 
@@ -11,7 +12,8 @@ from hypothesis import strategies as st
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.physics.geometry import outline_walls
 from billiards_env.physics.geometry.outline_walls import OUTLINE, any_wall_time, outline_arrays, piece_normal
-from billiards_env.physics.geometry.walls import HALF_LINE, TURNS
+from billiards_env.physics.geometry.rectangle import RECTANGLE
+from billiards_env.physics.geometry.walls import HALF_LINE, TURNS, Walls
 from billiards_env.physics.motion import Path
 from billiards_env.physics.state import VX, VY, WIDTH, State, X, Y
 from billiards_env.scene import Balls, Physics, Scene, Table
@@ -288,6 +290,13 @@ def test_a_ball_behind_the_continuation_of_a_cushion_comes_back_to_it():
     path = (-0.5, 0.2, 0.9, -1.5, 0.0, 2.6)
     check(path, a_table, 2.0)
     assert wall_time(path, a_table, 2.0)[1] < 4
+
+
+def test_a_rectangle_and_an_outline_have_kernels_with_the_same_names_and_arguments():
+    for name, *kernels in zip(Walls._fields, RECTANGLE, OUTLINE, strict=True):
+        (arguments,) = {tuple(inspect.signature(kernel.py_func).parameters) for kernel in kernels}
+        assert [kernel.py_func.__name__ for kernel in kernels] == [name] * 2
+        assert f"        {name}: ({', '.join(arguments)}). Returns" in Walls.__doc__
 
 
 # Balls that overlap an outline

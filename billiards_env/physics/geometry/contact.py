@@ -134,9 +134,10 @@ def _contact_root(c0, c1, c2, c3, c4, end, ww):
 
 @kernel
 def sphere_time(path, rise, reach, end, noise):
-    """Returns the same as `circle_time` for two centres in space.
+    """Returns the time at which the distance of two centres in space next falls to `reach`, s, or infinity.
 
-    `rise` is the relative height z + v t + a t^2 / 2 as (z, v, a); `end` is finite.
+    `rise` is the relative height z + v t + a t^2 / 2 as (z, v, a), and `end` is finite. The other arguments are those
+    of `circle_time`.
     """
     (dx, dy, wx, wy, bx, by), (dz, wz, bz) = path, rise
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)

@@ -1,7 +1,7 @@
 """The geometry of a pocket: the circle whose rim a ball's centre crosses when the ball drops.
 
-The argument `pocket` is a row of `SceneArrays.pockets`. Only this module, `scene.table.Pocket`, `noses`
-(for flights) and the 50-digit reference contain the shape of a pocket.
+The argument `pocket` is a row of `SceneArrays.pockets`. The shape of a pocket is in this module, in
+`scene.table.Pocket`, in `noses` (for flights) and in the 50-digit reference.
 """
 
 from __future__ import annotations
