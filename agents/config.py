@@ -194,6 +194,6 @@ def _resolved(own: Mapping[str, Any]) -> dict[str, Any]:
     arguments = {name: own.get(name, parameter.default) for name, parameter in parameters.items()}
     integer("n_players", arguments["n_players"], Range(1, None))
     task = task_of(arguments["task"], arguments["n_players"])
-    of_task = {"scene": task.scene, "layout": task.layout, "max_shots": task.max_shots}
+    of_task = {"scene": task.scene, "layout": task.layout, "max_shots": task.max_shots, "action": task.action}
     of_task["goal_radius"] = task.goal_radius or None
     return arguments | {name: default for name, default in of_task.items() if arguments[name] is None}

@@ -176,6 +176,10 @@ class PPOTraining(Training):
 
 
 def _check(config: Config) -> None:
+    if config.env["n_players"] > 1:
+        raise ValueError(
+            f"env.n_players = {config.env['n_players']}: expected 1; examples/self_play.py trains in games of several"
+        )
     if config.policy["head"] == "aim":
         config.settings = {**AIM_PPO, **config.settings}
     rollout, batch = config.n_envs * config.settings.get("n_steps", 2048), config.settings.get("batch_size", 64)

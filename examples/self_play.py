@@ -3,7 +3,10 @@
 An action is a plan: a ball, a pocket and a speed, made into a shot by geometry. The policy first learns alone to pot
 the balls of a rack in their order. Then it plays games against frozen copies of itself, and learns from won and lost
 games. `Opponents` plays the turns of the copy, so the learner sees an environment of one player. The command prints the
-share of games that the policy wins against other players, before and after these games.
+share of games that the policy wins against other players, before and after these games, and saves the model. Play
+against it with
+
+    billiards play --rules nine_ball --scene pool --players human,examples.self_play:player:self_play.zip
 """
 
 from collections.abc import Callable, Sequence
@@ -15,9 +18,11 @@ import torch
 from sb3_contrib import MaskablePPO
 from stable_baselines3.common.callbacks import BaseCallback
 
+from billiards_env.bench.match import play_games
 from billiards_env.envs import Opponents
-from billiards_env.players.env_player import acting_in
-from billiards_env.players.named import find_player
+from billiards_env.games import Stroke
+from billiards_env.players.env_player import acting_by_name, game_observation
+from billiards_env.players.situation import Player, Situation, placed
 from billiards_env.pots.plans import Plans
 from billiards_env.sb3 import SameStepVecEnv
 from billiards_env.shots.tables import Tables
@@ -57,19 +62,8 @@ def planning(model: Any, games: Any) -> Callable:
 def share_of_wins(model: Any, rival: str, count: int) -> float:
     """Returns the share of games with a winner that a policy wins against a player. Both break equally often."""
     games = make(count, **GAME)
-    players = planning(model, games), acting_in(find_player(rival, games.single_env), games, seed=0)
-    observations, infos = games.reset(seed=1)
-    seats, over = np.arange(count) % 2, np.zeros(count, bool)
-    winners, next_player = np.full(count, -1), infos["next_player"].copy()
-    while not over.all():
-        actions, played = np.zeros(games.action_space.shape), ~over
-        for own, play in zip((next_player == seats, next_player != seats), players, strict=True):
-            rows = np.flatnonzero(own & played)
-            if len(rows):
-                actions[rows] = play(observations[rows], rows)
-        observations, _, over, _, infos = games.step_where(played, actions)
-        winners[played], next_player[played] = infos["winner"][played], infos["next_player"][played]
-    return (winners == seats).sum() / max((winners >= 0).sum(), 1)
+    winners = play_games(games, [planning(model, games), acting_by_name(rival, games)], seed=1)
+    return (winners == 0).sum() / max((winners >= 0).sum(), 1)
 
 
 class NewCopy(BaseCallback):
@@ -89,9 +83,9 @@ class NewCopy(BaseCallback):
 
 
 def run(
-    alone: int, against_itself: int, n_games: int = 200, rivals: Sequence[str] = RIVALS
+    alone: int, against_itself: int, n_games: int = 200, rivals: Sequence[str] = RIVALS, save: str = "self_play.zip"
 ) -> dict[str, tuple[float, float]]:
-    """Learns alone, then in games. Returns the shares of games won against rivals, before and after the games."""
+    """Learns alone, then in games, and saves the model. Returns the shares of games won, before and after the games."""
     torch.set_num_threads(1)
     settings: dict[str, Any] = {"n_steps": 32, "batch_size": 1024, "n_epochs": 4, "gamma": 0.9, "ent_coef": 0.003}
     settings |= {"learning_rate": 1e-3, "policy_kwargs": {"net_arch": [256, 256]}, "device": "cpu", "seed": 0}
@@ -104,8 +98,25 @@ def run(
     learner = MaskablePPO("MlpPolicy", SameStepVecEnv(envs), **{**settings, "learning_rate": 3e-4})
     learner.policy.load_state_dict(model.policy.state_dict())
     learner.learn(against_itself, NewCopy(envs, every=5))
+    learner.save(save)
     after = [share_of_wins(learner, rival, n_games) for rival in rivals]
     return dict(zip(rivals, zip(before, after, strict=True), strict=True))
+
+
+def player(path: str) -> Player:
+    """Returns the player of a saved model, see the command `billiards play` above."""
+    model = MaskablePPO.load(path)
+
+    def play(situation: Situation, rng: np.random.Generator) -> Stroke:
+        situation = placed(situation, rng)
+        (setup, game), table = situation.find_game(), situation.table
+        plans = Plans(setup.scene)
+        observation = game_observation(setup, game, table.max_speed, observe=OBSERVE)
+        chosen, _ = model.predict(observation, action_masks=plans.mask(table)[0], deterministic=True)
+        (velocity,) = plans.velocities(np.array([chosen], float), table)
+        return situation.stroke(velocity / table.max_speed)
+
+    return play
 
 
 if __name__ == "__main__":

@@ -203,10 +203,10 @@ _run_all = for_all_shots(event_loop(sys.modules[__name__]))
 
 
 @allocating_entry_point
-def run_shots(begin, end, scene, limit, max_events, shots, log):
+def run_shots(kernels, begin, end, scene, limit, max_events, shots, log):
     """Runs shots `begin` to `end` - 1 of a batch in place; the arguments are as in `engine.pic.run_shots`."""
-    arrays = scene_of(scene, 0)
+    arrays = scene_of(kernels, scene, 0)
     most = most_contacts(arrays)
-    scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction, arrays.flight)
+    scratch = empty_scratch(len(arrays.radius), most, arrays.laws.friction, arrays.flight)
     work = make_workspace(arrays, empty_queue(arrays), most, scratch)
-    _run_all(begin, end, scene, work, limit, max_events, shots, log)
+    _run_all(range(begin, end), kernels, scene, work, limit, max_events, shots, log)

@@ -121,14 +121,14 @@ def _set(meeting, margin, normal, rate, now, over):  # out: over
         over: The `MarginPass`.
     """
     (kind, i, j), (nx, ny), out, tape, shot = meeting, normal, over.out, over.tape, over.shot
-    count, lanes, q, changing = len(out.slope), tape.lanes, _column(meeting, shot.scene), shot.changing
+    count, lanes, q, tangents = len(out.slope), tape.lanes, _column(meeting, shot.scene), shot.tangents
     out.margin[i, q], out.time[i, q], out.rate[i, q] = margin, now.hi, rate
     numbers, radius = law_numbers_of(shot.scene.numbers), shot.scene.radius
     stretch = stretch_until(shot.segments, tape.current[i], now, numbers)
     load_changes(i, 0, over.inputs, over.tangent, lanes)
     for c in range(count):
         lane = lanes[c]
-        stretch_lane(lane, 0, stretch, changing)
+        stretch_lane(lane, 0, stretch, tangents)
         out.slope[c, i, q] = nx * lane[DX] + ny * lane[DY]
         if kind == BALL_CUSHION:
             out.slope[c, i, q] += lane[D_RADIUS]
@@ -137,8 +137,8 @@ def _set(meeting, margin, normal, rate, now, over):  # out: over
         load_changes(j, 1, over.inputs, over.tangent, lanes)
         for c in range(count):
             lane = lanes[c]
-            stretch_lane(lane, BALL_WIDTH, stretch, changing)
-            out.slope[c, i, q] += distance_change(lane, shot.is_sphere, (radius[i], radius[j]), changing)
+            stretch_lane(lane, BALL_WIDTH, stretch, tangents)
+            out.slope[c, i, q] += distance_change(lane, shot.is_sphere, (radius[i], radius[j]), tangents)
             out.slope[c, i, q] -= nx * lane[BALL_WIDTH + DX] + ny * lane[BALL_WIDTH + DY]
 
 
@@ -274,10 +274,11 @@ def _move_ends(i, over):  # out: over
 
 
 @allocating_entry_point
-def push_margins(begin, end, shots, times, inputs, selected, results):  # out: results
+def push_margins(kernels, begin, end, shots, times, inputs, selected, results):  # out: results
     """Computes the margins of shots `begin` to `end` - 1 and their changes by changes of the inputs.
 
     Args:
+        kernels: The `LaneKernels`.
         begin: First shot.
         end: One past the last.
         shots: The `sweeps.RecordedShots`, as a plain tuple.
@@ -292,7 +293,7 @@ def push_margins(begin, end, shots, times, inputs, selected, results):  # out: r
     count, pending = inputs.shape[1], 0
     tape, tangent, rates = empty_tape(begin, end, shots, count), np.empty((n, count, BALL_WIDTH)), np.empty((n, bodies))
     for k in range(begin, end):
-        shot, out = shot_of(shots, k), MarginsOut(margins[k], nearest[k], rates, slopes[k])
+        shot, out = shot_of(kernels, shots, k), MarginsOut(margins[k], nearest[k], rates, slopes[k])
         trace(shot, tape)
         over = MarginPass(shot, tape, selected, inputs[k], tangent, out)
         out.margin[:] = -math.inf

@@ -305,10 +305,11 @@ def _cut(done, over):  # out: over
 
 
 @allocating_entry_point
-def find_nonsmooth(begin, end, shots, times, within, results):  # out: results
+def find_nonsmooth(kernels, begin, end, shots, times, within, results):  # out: results
     """Finds the first reason why shots `begin` to `end` - 1 have no derivative.
 
     Args:
+        kernels: The `LaneKernels`.
         begin: First shot.
         end: One past the last.
         shots: The `RecordedShots`, as a plain tuple.
@@ -322,7 +323,7 @@ def find_nonsmooth(begin, end, shots, times, within, results):  # out: results
     tape, n, first, pending = empty_tape(begin, end, shots, 0), len(shots.scene[1]), np.empty(1), 0
     last = np.empty(n, np.int64)
     for k in range(begin, end):
-        shot, at, until = shot_of(shots, k), shots.bounds[k, 0], Time(times[k], 0.0)
+        shot, at, until = shot_of(kernels, shots, k), shots.bounds[k, 0], Time(times[k], 0.0)
         log = shot.events
         trace(shot, tape)
         over = Pass(

@@ -13,7 +13,9 @@ A kernel may consist of:
 * numbers, names, tuples, attributes, `a[i]` with a constant i,
 * `+ - * /`, comparisons, `and`, `or`, `not`, `a if condition else b`,
 * `abs`, `math.sqrt`, `max` and `min` of two numbers, NamedTuples, which may have keyword arguments, and calls of other
-  kernels with positional arguments, but no call of a kernel within `a if condition else b` or a condition.
+  kernels with positional arguments, but no call of a kernel within `a if condition else b` or a condition,
+* calls of kernels that are fields of an argument without a change. The tangent of `laws.friction` is `laws.d_friction`,
+  for the same constants as in the call.
 
 A call whose result does not depend on what changes is left as it is.
 
@@ -39,6 +41,11 @@ from types import FunctionType
 from typing import Any, NamedTuple, NoReturn
 
 from billiards_env.jit import inlined, kernel
+
+
+def as_kernel(tangent: Any) -> Any:
+    """Returns a tangent as a kernel that may be an argument."""
+    return inlined(lambda *arguments: tangent(*arguments))
 
 
 class _Rule(NamedTuple):
@@ -225,6 +232,10 @@ class _Writer:
         function = ast.unparse(node.func)
         return function in self.globals and not _is_plain(function) and not hasattr(self.globals[function], "_fields")
 
+    def is_passed(self, function: Any) -> bool:
+        """Returns whether a call calls a field of an argument that does not change."""
+        return isinstance(function, ast.Attribute) and ast.unparse(function.value) in self.kept
+
     def called(self, node: ast.Call) -> tuple[Any, frozenset[str]]:
         """Returns the kernel that a call calls, and the names of its arguments that do not change."""
         kernel = self.globals[ast.unparse(node.func)]
@@ -386,19 +397,29 @@ class _Calls(ast.NodeTransformer):
         self.generic_visit(node)
         if _is_plain(function) or hasattr(called, "_fields"):
             return node
-        if called is None:
+        if called is None and not writer.is_passed(node.func):
             writer.refuse(node)
         result, values = f"_{writer.calls}", ", ".join(map(ast.unparse, node.args))
         writer.calls += 1
         if not writer.changes(node):
             writer.write(f"{result} = {function}({values})")
         else:
-            tangent, d_function = _tangent(*writer.called(node)), f"d_{function}"
-            while writer.tangents.setdefault(d_function, tangent.call) is not tangent.call:
-                d_function += "_"
-            names = inspect.signature(getattr(called, "py_func", called)).parameters
-            changing = [part for name, part in zip(names, node.args, strict=True) if name not in tangent.constant]
-            changes = [writer.change(part) or writer.zero(part) for part in changing]
+            d_function, changes = self.passed(node) if called is None else self.known(node)
             writer.write(f"{result}, d_{result} = {d_function}({', '.join([values, *changes])})")
             writer.active.add(result)
         return ast.copy_location(ast.Name(result), node)
+
+    def passed(self, node: ast.Call) -> tuple[str, list[str]]:
+        """Returns the name of the tangent of a field of an argument, and the changes of its arguments."""
+        argument, _, field = ast.unparse(node.func).rpartition(".")
+        return f"{argument}.d_{field}", [change for change in map(self.writer.change, node.args) if change]
+
+    def known(self, node: ast.Call) -> tuple[str, list[str]]:
+        """Returns the name of the tangent of another kernel, and the changes of its arguments."""
+        writer, (called, constant) = self.writer, self.writer.called(node)
+        tangent, d_function = _tangent(called, constant), f"d_{ast.unparse(node.func)}"
+        while writer.tangents.setdefault(d_function, tangent.call) is not tangent.call:
+            d_function += "_"
+        names = inspect.signature(getattr(called, "py_func", called)).parameters
+        changing = [part for name, part in zip(names, node.args, strict=True) if name not in tangent.constant]
+        return d_function, [writer.change(part) or writer.zero(part) for part in changing]

@@ -127,7 +127,7 @@ def make_workspace(scene):
     return PitWorkspace(
         state=empty_state(n, scene.flight),
         contacts=empty_contacts(most, scene.flight),
-        scratch=empty_scratch(n, most, scene.ball_friction, scene.flight),
+        scratch=empty_scratch(n, most, scene.laws.friction, scene.flight),
         here=np.empty((n, 4 if scene.flight is None else 6)),
         back=np.empty(n),
         phase_end_hi=np.empty(n),
@@ -462,7 +462,7 @@ _run_all = for_all_shots(run)
 
 
 @allocating_entry_point
-def run_shots(begin, end, scene, limit, max_events, shots, log):  # out: shots, log
+def run_shots(kernels, begin, end, scene, limit, max_events, shots, log):  # out: shots, log
     """Runs shots of a batch in place, as `engine.pic.run_shots` does and with the same arguments."""
-    work = make_workspace(scene_of(scene, 0))
-    end_call(_run_all(begin, end, scene, work, limit, max_events, shots, log))
+    work = make_workspace(scene_of(kernels, scene, 0))
+    end_call(_run_all(range(begin, end), kernels, scene, work, limit, max_events, shots, log))

@@ -134,7 +134,7 @@ def make_model(
     mode: str = "pic",
     dt: float | None = None,
     fix: str | None = None,
-    action: str = "velocity",
+    action: str | None = None,
     max_shots: int | None = None,
     max_speed: float | None = None,
     layout: str | None = None,
@@ -170,7 +170,13 @@ def make_model(
     least, most = entry.n_object_balls
     board = make_scene(scene, n_object_balls, entry.scene, most if players > 1 or least == most else None)
     check_ends_on_cloth(board)
+    action = entry.action if action is None else action
     check_action(action, board)
+    if entry.flies and not (board.physics.flight and action_named(action).has_cue):
+        raise ValueError(
+            f"task = {task!r} with action = {action!r} and physics.flight = {board.physics.flight}: expected action "
+            f"'strike' in a scene with flight, such as scene {entry.scene!r}"
+        )
     targets, engine = task_targets(task, board, players), Engine(mode, dt, fix)
     layout = entry.layout if layout is None else layout
     layouts.draw(layout, board, np.random.default_rng(0))  # an invalid layout raises here, not in `reset`

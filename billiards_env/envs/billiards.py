@@ -298,7 +298,7 @@ class BilliardsEnv(OfEpisodes, OfArguments, gym.Env[Any, Any]):
     | `mode`            | str           | `"pic"`      | engine: `"pic"` (exact) or `"pit"` (fixed timestep)   |
     | `dt`              | float or None | `None`       | timestep of `"pit"`, s                                |
     | `fix`             | str or None   | `None`       | how `"pit"` treats overlaps                           |
-    | `action`          | str           | `"velocity"` | the kind of action, see Action Space                  |
+    | `action`          | str or None   | `None`       | the kind of action; None for the task's               |
     | `max_shots`       | int or None   | `None`       | maximum number of shots; None for the task's          |
     | `max_speed`       | float or None | `None`       | speed of the fastest shot, m/s; None: 4, in games 8   |
     | `layout`          | str or None   | `None`       | starting positions; None for the task's               |
@@ -327,6 +327,8 @@ class BilliardsEnv(OfEpisodes, OfArguments, gym.Env[Any, Any]):
       9, "physics": {"mu_roll": 0.012}}`. By default it is `"carom"` in `"carom"` and `"three_cushion"`,
       `"sum_to_three"` in the task of that name, `"jump_pool"` in `"jump"`, and `"pool"` in the others.
       `n_object_balls` needs a named scene.
+    - `action` is one of those in Action Space. By default it is `"strike"` in `"jump"`, which needs a scene with
+      flight, and `"velocity"` in the others.
     - `billiards_env.scene.NAMED` is the table of the named scenes, such as `"pool"`, `"carom"` and `"real_pool"`.
     - The tasks `"pot"`, `"position"`, `"clear"`, `"jump"` and the run-outs need a table with pockets. `"jump"` needs 2
       object balls, `"nine_ball"` 9 and `"eight_ball"` 15. `"sum_to_three"` needs a table without pockets and exactly

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, Engine, ShotInput, Shots, run_shots_of
-from billiards_env.engine.compile import varied_fields, varied_shot, vary, with_scatter
+from billiards_env.engine.compile import scene_kernels, varied_fields, varied_shot, vary, with_scatter
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shots import arrays_in, row_type, start_fields
 from billiards_env.envs.actions import (
@@ -35,7 +35,7 @@ from billiards_env.envs.observations import Observer, Source
 from billiards_env.envs.snapshots import EpisodeState, StateArrays, hashed_names, parts, scene_hash, state_type
 from billiards_env.envs.tasks import judge_pot, opening_of, task_of, write_legal_balls
 from billiards_env.games.game_state import REPLACE
-from billiards_env.jit import Typed, address_of, entry_point, kept, kernels_of, moved, specialised, streams
+from billiards_env.jit import Typed, entry_point, kernels_of, specialised, streams
 from billiards_env.physics.scatter import Scatter
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.physics.strike import cue_numbers
@@ -51,8 +51,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-
-_NO_LOG = kept(NO_LOG)
 
 
 class Episodes:
@@ -99,8 +97,9 @@ class Episodes:
             max_shots=model.max_shots,
             scratch_penalty=model.scratch_penalty,
         )
-        self._numbers = kept(tuple(numbers))
+        self._numbers = tuple(numbers)
         self._run_shots = Typed(run_shots_of(model.engine, scene.n_balls))
+        self._kernels = scene_kernels(scene, model.engine)
         self._start, self._begin, self._keep_seeds = Typed(start_shots), Typed(begin_episodes), Typed(keep_seeds)
         self._has_foreign_judge = setup is None and is_foreign(entry.judge)
         self._score: Any = Typed(scoring(entry.judge)) if setup is None else None
@@ -154,11 +153,7 @@ class Episodes:
         self._block, self.memory = block, block[: len(state.over) * self.kind.itemsize]
         if like is None:
             self.arrays.viewers[:] = -1
-            self._arrays, self._shots = kept(tuple(self.arrays)), kept(tuple(shots))
-        else:
-            distance = address_of(block) - address_of(like._block)
-            self._arrays = moved(like._arrays, tuple(self.arrays), distance)
-            self._shots = moved(like._shots, tuple(shots), distance)
+        self._arrays, self._shots = tuple(self.arrays), tuple(shots)
         self._single_info = None
         self.physics = {name: state.physics[:, j] for j, name in enumerate(self.model.randomize)}
         rows = {"episode_seed": state.episode_seed.view(np.int64)} | (
@@ -197,7 +192,7 @@ class Episodes:
 
     def _set_scene(self, fields: tuple[Any, ...]) -> None:
         """Sets the fields of the scene for the entry points."""
-        self._scene, self._kept_scene = fields, kept(fields)
+        self._scene = fields
 
     def put(self, rows: NDArray[np.int64] | None, states: EpisodeState) -> None:
         """Replaces the state of some episodes, None for all, by the rows of `states`, one for each or one for all."""
@@ -392,7 +387,7 @@ class Episodes:
             self.recorded[first] = self._record(first)
             first += 1
         if first < end:
-            self._run_shots.call(first, end, self._kept_scene, self._limit, MAX_EVENTS, self._shots, _NO_LOG)
+            self._run_shots.call(self._kernels, first, end, self._scene, self._limit, MAX_EVENTS, self._shots, NO_LOG)
         if self._game is None:
             self._score.call(begin, end, self._numbers, self._arrays, rewards)
         else:

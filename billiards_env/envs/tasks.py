@@ -231,6 +231,7 @@ class Task(NamedTuple):
         is_game: Whether each episode is a game with these `rules`: it has a state, and the cue ball may touch only the
             legal balls first.
         breaks: The layouts whose first shot is the break of the game.
+        flies: Whether the cue ball must leave the cloth: the scene needs flights, and the action a cue.
     """
 
     judge: Callable[..., Any]
@@ -246,6 +247,12 @@ class Task(NamedTuple):
     rules: str = ""
     is_game: bool = False
     breaks: tuple[str, ...] = ()
+    flies: bool = False
+
+    @property
+    def action(self) -> str:
+        """The default action."""
+        return "strike" if self.flies else "velocity"
 
 
 TASKS = {
@@ -261,7 +268,13 @@ TASKS = {
     "position": Task(judge=judge_position, layout="random", pockets=True, goal_radius=0.3, condition=pots_a_ball),
     "clear": Task(judge=judge_clear, layout="random", pockets=True, rules="straight"),
     "jump": Task(
-        judge=judge_jump, layout="snookered", scene="jump_pool", n_object_balls=(2, 2), n_targets=1, pockets=True
+        judge=judge_jump,
+        layout="snookered",
+        scene="jump_pool",
+        n_object_balls=(2, 2),
+        n_targets=1,
+        pockets=True,
+        flies=True,
     ),
     "nine_ball": Task(
         judge=judge_nine_ball,

@@ -23,16 +23,12 @@ from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays
 from billiards_env.envs.snapshots import StateArrays
 from billiards_env.envs.tasks import write_legal_balls
-from billiards_env.games.entry import no_look
 from billiards_env.games.facts import facts_of_shot
 from billiards_env.games.game_state import CALL, CALLS, HAND_BACK, SAFETY, SHOT, verdict
 from billiards_env.games.placement import PlacementNumbers, cue_ball_area_of, place_cue_ball
 from billiards_env.games.playing import NO_CALL, Call, Setup, Stroke
-from billiards_env.games.pool import any_ball
-from billiards_env.games.transition import after_shot as shot_of_game
-from billiards_env.games.transition import after_shot_of, without_shot_of
-from billiards_env.games.transition import without_shot as call_without_shot
-from billiards_env.jit import Typed, entry_point, inlined, specialised
+from billiards_env.games.transition import after_shot, without_shot
+from billiards_env.jit import Typed, entry_point, inlined
 from billiards_env.physics.state import X, Y
 
 Floats = NDArray[np.float64]
@@ -208,24 +204,20 @@ def set_down(table, positions, state):
     return state.in_hand == 0 or place_cue_ball(table, positions, state, table.head_x, 0.0)
 
 
-# `specialised` puts those of each game in their place
-after_shot, without_shot, legal, look = shot_of_game, call_without_shot, any_ball, no_look
-
-
 @inlined
-def _play_turn(k, after, without, numbers, table, arrays, turns):
-    """Changes game k to the state before the next shot with the kernels `after_shot` and `without_shot` of the game.
+def _play_turn(k, rules, numbers, table, arrays, turns):
+    """Changes game k to the state before the next shot.
 
     Returns the verdict, and a ball without room or -1.
     """
     call = turns.calls[k]
     if call.kind >= HAND_BACK:
         before = turns.before_positions, turns.before_states
-        without(table, k, call, arrays.positions, arrays.states, before)
+        without_shot(rules, table, k, call, arrays.positions, arrays.states, before)
         return verdict(), -1
     facts, pocket = facts_of_shot(k, arrays, numbers.bits), turns.pockets[k]
     call.made = call.ball >= 0 and pocket >= 0 and arrays.pockets[k, call.ball] == pocket
-    return after(table, arrays.positions[k], arrays.states[k], facts, call)
+    return after_shot(rules, table, arrays.positions[k], arrays.states[k], facts, call)
 
 
 @inlined
@@ -236,10 +228,12 @@ def write_balls(k, state, arrays):
         arrays.in_play[k, i] = on_table >> i & 1
 
 
-def score_turns(begin, end, numbers, game, arrays, turns, rewards):
+@entry_point
+def score_turns(rules, begin, end, numbers, game, arrays, turns, rewards):
     """Judges the shots of games and prepares the next ones.
 
     Args:
+        rules: The `entry.Rules` of the game.
         begin: First game.
         end: One past the last.
         numbers: `TaskNumbers`, as a plain tuple, like the next three.
@@ -261,7 +255,7 @@ def score_turns(begin, end, numbers, game, arrays, turns, rewards):
         rewards[k] = 0.0
         if arrays.over[k]:
             continue
-        judgement, without_room = _play_turn(k, after_shot, without_shot, numbers, table, arrays, turns)
+        judgement, without_room = _play_turn(k, rules, numbers, table, arrays, turns)
         if without_room >= 0 or not set_down(table, arrays.positions[k], state):
             failed = k
         winner, by_points = state.winner, game.by_points
@@ -284,11 +278,12 @@ def score_turns(begin, end, numbers, game, arrays, turns, rewards):
         for i in range(arrays.in_play.shape[1]):
             turns.spotted[k, i] = judgement.spotted >> i & 1
         write_balls(k, state, arrays)
-        write_legal_balls(k, legal(state, state.player), arrays)
+        write_legal_balls(k, rules.legal(state, state.player), arrays)
     return failed
 
 
-def begin_games(begin, end, mask, game, arrays):
+@entry_point
+def begin_games(rules, begin, end, mask, game, arrays):
     """Prepares the first shots of the games in the mask (m,); returns -1, or a game without room for the cue ball."""
     game, arrays = GameNumbers(*game), EpisodeArrays(*arrays)
     table, failed = PlacementNumbers(*game.table), -1
@@ -297,14 +292,15 @@ def begin_games(begin, end, mask, game, arrays):
             continue
         state = arrays.states[k]
         write_balls(k, state, arrays)
-        write_legal_balls(k, legal(state, state.player), arrays)
+        write_legal_balls(k, rules.legal(state, state.player), arrays)
         if not set_down(table, arrays.positions[k], state):
             failed = k
-        look(table, arrays.positions[k], state)
+        rules.look(table, arrays.positions[k], state)
     return failed
 
 
-def write_legal(begin, end, arrays):
+@entry_point
+def write_legal(legal, begin, end, arrays):
     """Writes the balls that each observing player may touch first."""
     arrays = EpisodeArrays(*arrays)
     for k in range(begin, end):
@@ -336,12 +332,9 @@ class GameKernels:
     def __init__(self, setup: Setup, sizes: tuple[int, int, int]) -> None:
         self._setup, self._size = setup, sizes[0]
         self._numbers = tuple(game_numbers(setup, sizes))
-        game = setup.game_rules
-        self._begin = Typed(specialised(begin_games, legal=game.legal, look=game.look))
-        self._write_legal = Typed(specialised(write_legal, legal=game.legal))
-        self._take, self._copy_tables = Typed(take_actions), Typed(copy_tables)
-        kernels = {"after_shot": after_shot_of(game), "without_shot": without_shot_of(game)}
-        self._score = Typed(specialised(score_turns, legal=game.legal, **kernels))
+        self._rules = setup.game_rules.kernels
+        entries = begin_games, write_legal, take_actions, copy_tables, score_turns
+        self._begin, self._write_legal, self._take, self._copy_tables, self._score = map(Typed, entries)
 
     def allocate(self, state: StateArrays, arrays: EpisodeArrays) -> tuple[TurnArrays, EpisodeArrays]:
         """Returns the arrays of games, and the episodes as the player to shoot observes them.
@@ -380,11 +373,11 @@ class GameKernels:
         rewards: Floats,
     ) -> None:
         """Judges the shots and prepares the next ones, see `score_turns`."""
-        self._check(self._score.call(begin, end, numbers, self._numbers, arrays, tuple(turns), rewards))
+        self._check(self._score.call(self._rules, begin, end, numbers, self._numbers, arrays, tuple(turns), rewards))
 
     def begin(self, begin: int, end: int, mask: NDArray[np.bool_], arrays: Any) -> None:
         """Prepares the first shots of the games in the mask (m,)."""
-        self._check(self._begin.call(begin, end, mask, self._numbers, arrays))
+        self._check(self._begin.call(self._rules, begin, end, mask, self._numbers, arrays))
 
     def stroke(self, k: int, model: Model, turns: TurnArrays) -> Stroke | None:
         """Returns the last stroke in game k, see `BilliardsEnv.stroke`."""
@@ -401,7 +394,7 @@ class GameKernels:
 
     def write_legal(self, arrays: Any, count: int) -> None:
         """Writes the balls that each observing player may touch first in all games."""
-        self._write_legal.call(0, count, arrays)
+        self._write_legal.call(self._rules.legal, 0, count, arrays)
 
     def copy_tables(self, begin: int, end: int, arrays: Any, seen: EpisodeArrays) -> None:
         """Copies the tables for observations, see `allocate`."""

@@ -45,20 +45,13 @@ def warn_of_wrong_returns() -> None:
         )
 
 
-class _NamesItsAdapter(type):
-    """Stable-Baselines3 refuses other vector environments with a message that contains the `repr` of their class."""
-
-    def __repr__(cls) -> str:
-        return f"{super().__repr__()} (Stable-Baselines3 needs billiards_env.sb3.SameStepVecEnv(envs))"
-
-
-class BilliardsVectorEnv(OfEpisodes, OfArguments, VectorEnv[Any, Any, NDArray[Any]], metaclass=_NamesItsAdapter):
+class BilliardsVectorEnv(OfEpisodes, OfArguments, VectorEnv[Any, Any, NDArray[Any]]):
     """A vector of `BilliardsEnv` that plays all shots of a step in compiled code on several threads.
 
     `gym.make_vec("Billiards-v0", num_envs)` returns this environment. Its results, including the infos, equal those of
     Gymnasium's `SyncVectorEnv` with `num_envs` environments of the class `BilliardsEnv` and the same autoreset mode,
     bit for bit. Only the type of `scratch`, `is_success` and `miscue` differs: `SyncVectorEnv` returns these bools as
-    objects.
+    objects. Stable-Baselines3 needs the adapter `billiards_env.sb3.SameStepVecEnv(envs)`.
 
     ## Reset
 

@@ -13,22 +13,18 @@ import sys
 import threading
 from typing import Any
 
-from numba.core.boxing import unbox_tuple
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, DefaultPassBuilder
 from numba.core.datamodel.models import OpaqueModel
 from numba.core.errors import TypingError
 from numba.core.imputils import lower_constant
-from numba.core.pythonapi import _unboxers
 from numba.core.registry import CPUDispatcher
 from numba.core.targetconfig import ConfigStack
 from numba.core.typed_passes import NopythonRewrites
-from numba.core.types import BaseTuple, Dispatcher, unliteral
+from numba.core.types import Dispatcher, unliteral
 from numba.core.types.functions import BaseFunction
 from numba.core.untyped_passes import InlineClosureLikes, LiteralPropagationSubPipelinePass, LiteralUnroll, WithLifting
 from numba.extending import register_model
-
-from billiards_env.jit.kept import unpack_or_read
 
 LONG = 2.0  # s; each compilation that takes longer prints a message
 
@@ -42,7 +38,8 @@ _resolve: Any = BaseFunction.get_call_type
 def _resolve_once(self: Any, context: Any, args: Any, kws: Any) -> Any:
     """Returns the signature of a call of one of numba's functions, such as the sum of two floats.
 
-    Numba tries ten implementations for each call in the source. Without this memory compiling takes 1.15 times as long.
+    Numba tries ten implementations for each call in the source. Without this memory a cold start is 1.15 times as
+    long.
     """
     flags = ConfigStack.top_or_none()
     key = self, context, tuple(args), tuple(kws.items()), flags is not None and flags.nrt
@@ -110,12 +107,10 @@ class ShortCompiler(Compiler):
         timer.start()
         resolve: Any = BaseFunction.get_call_type
         BaseFunction.get_call_type = _resolve_once  # only here, where numba's lock is held
-        _unboxers.functions[BaseTuple] = unpack_or_read
         try:
             return super().compile_extra(func)
         finally:
             BaseFunction.get_call_type = resolve
-            _unboxers.functions[BaseTuple] = unbox_tuple
             timer.cancel()
             if collects:
                 gc.enable()

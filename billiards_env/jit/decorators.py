@@ -129,7 +129,7 @@ class EntryPoint(CPUDispatcher):
 
 
 class Typed:
-    """An entry point whose arguments have the same types at each call. Tuples may be those of `kept`.
+    """An entry point whose arguments have the same types at each call.
 
     Numba finds the machine code by the types of the arguments, which takes 40 ns for each array in a tuple. This class
     looks up the code only in the first call. It does not check the types of later arguments.

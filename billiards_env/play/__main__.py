@@ -26,6 +26,9 @@ from billiards_env.support.files import check_path, free_path
 DT = 1 / 60
 """s. The default timestep of PIT: a game that moves its balls once per frame at 60 frames per second."""
 
+OPPONENT = "planner:club"
+"""The default player of all places but the first."""
+
 REAL_SCENES = {"pool": "real_pool"}
 """The scenes of the window in place of the usual scenes of the games: they have jaws and throw."""
 
@@ -46,7 +49,8 @@ def make_parser() -> argparse.ArgumentParser:
     add("--rules", help=f"the game: {', '.join(GAMES)} (default: eight_ball)")
     levels = ", ".join(f"planner:{level}" for level in LEVELS)
     text = f"the players: human, random, geometric, search[:SHOTS], aim, planner[:TIME], {levels} (levels, the weakest "
-    text += "first), policy:RUN_FOLDER[:PROPOSALS] or module:function[:ARGUMENT] (default: all human)"
+    text += "first), policy:RUN_FOLDER[:PROPOSALS] or module:function[:ARGUMENT] "
+    text += f"(default: {HUMAN},{OPPONENT})"
     add("--players", metavar="A,B", help=text)
     text = f"table, balls and physics: {', '.join(SCENES)}, module:name or a JSON file (default: that of the game)"
     add("--scene", help=text)
@@ -126,7 +130,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             check_path(args.save)
         rng = np.random.default_rng(None if args.seed is None else integer("--seed", args.seed, Range(0, None)))
         history = make_history(args, rng)
-        names = (HUMAN,) * history.setup.n_players
+        names = (HUMAN, *(OPPONENT,) * (history.setup.n_players - 1))
         if args.players:
             names = tuple(name.strip() for name in args.players.split(","))
         players = [None if name == HUMAN else find_player(name, history.setup, others=(HUMAN,)) for name in names]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import signal
+import sys
 import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
+from traceback import walk_stack
 from typing import Any, TypeVar
 
 import numpy as np
@@ -23,6 +25,7 @@ from billiards_env.play import labels
 from billiards_env.play import model as act
 from billiards_env.play.model import STEEPEST, WindowModel, begin, pot_at, shoot, stroke_for, tick
 from billiards_env.play.view import FPS, INK, PAPER, View
+from billiards_env.players.env_player import game_observation
 from billiards_env.players.levels import EXPECTED, LevelPlayer, with_noise
 from billiards_env.players.planner import Plan, plan
 from billiards_env.players.situation import Player, game_situation, stroke_of
@@ -109,6 +112,10 @@ UNSAVED = (
 """The page with the question before the window closes."""
 
 
+_COMPILERS = "numba.", "llvmlite."
+"""The modules that compile kernels."""
+
+
 class _Work(Future[T]):
     """The result of a function that runs in a thread. The window can close before the function ends.
 
@@ -128,9 +135,20 @@ class _Work(Future[T]):
             self.set_exception(error)
 
     def stop(self) -> None:
-        """Raises SystemExit in the thread. A call of compiled code that is running ends first."""
-        number = ctypes.c_ulong(self._thread.ident or 0)
-        ctypes.pythonapi.PyThreadState_SetAsyncExc(number, ctypes.py_object(SystemExit))
+        """Raises SystemExit in the thread. A call of compiled code that is running ends first.
+
+        While the thread compiles, another one waits: LLVM calls Python, and an exception there breaks the code.
+        """
+        threading.Thread(target=self._stop, daemon=True).start()
+
+    def _stop(self) -> None:
+        number = self._thread.ident or 0
+        while self._thread.is_alive():  # a later thread may have the same number
+            stack = walk_stack(sys._current_frames().get(number))
+            if not any(frame.f_globals.get("__name__", "").startswith(_COMPILERS) for frame, _ in stack):
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(number), ctypes.py_object(SystemExit))
+                return
+            time.sleep(0.1)
 
 
 def wait_for(work: Callable[[], T], text: str, width: int) -> T:
@@ -295,7 +313,8 @@ class GameWindow:
         if work is None:
             self._plans = plans = []  # of this thread
             (rng,), intend = self._rng.spawn(1), level.intend if level else player
-            situation = game_situation(model.setup, model.game, model.max_speed)._replace(watch=plans.append)
+            played = model.setup, model.game, model.max_speed
+            situation = game_situation(*played)._replace(watch=plans.append, observe=lambda: game_observation(*played))
             self._start(lambda: stroke_of(intend, situation, rng))
         elif not work.done():
             if time.monotonic() - work.start > model.clock + 1:

@@ -21,16 +21,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine.strikes import level_strike, strike
-from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv
+from billiards_env.envs import BilliardsEnv, BilliardsVectorEnv, make_model
 from billiards_env.envs.actions import PLAYED, action_named, converted, converter_of, cue_strike
 from billiards_env.envs.observations import nth
 from billiards_env.envs.tasks import TASKS, task_of
 from billiards_env.games import GameState, Setup, Stroke, members, play
-from billiards_env.games.game_state import NOT_IN_HAND, changed, set_of
+from billiards_env.games.game_state import NOT_IN_HAND, changed, set_of, to_dict
 from billiards_env.games.placement import cue_ball_area
-from billiards_env.games.playing import check_stroke, opening_state
+from billiards_env.games.playing import STATE_FIELDS, check_stroke, opening_state
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
+from billiards_env.players.named import find_player
 from billiards_env.players.situation import Noise, Player, Situation, game_situation, rating, stroke_of
 from billiards_env.shots.tables import Tables
 from billiards_env.support.checks import finite, numbers, one_of
@@ -79,7 +80,7 @@ def env_situation(env: BilliardsEnv, observation: Any = None, noise: Noise = (0.
     if env.model.setup is not None:
         situation = game_situation(*_game_played(env), env.max_speed, noise)
         return situation._replace(
-            observation=observation,
+            observe=lambda: observation,
             rate=lambda actions, noise=None: _game_ratings(env, situation, actions, noise),
             stroke=lambda action: _game_stroke(env, situation, action),
         )
@@ -95,8 +96,26 @@ def env_situation(env: BilliardsEnv, observation: Any = None, noise: Noise = (0.
         goals=_goals(env, np.flatnonzero(table.targets[0]).tolist()),
         noise=noise,
         run_out=env.task != "clear",
-        observation=observation,
+        observe=lambda: observation,
     )
+
+
+def game_observation(setup: Setup, game: GameState, max_speed: float, **arguments: Any) -> Any:
+    """Returns the observation of a state of a game in an environment.
+
+    A player that is trained with other arguments than the usual ones calls it with `situation.find_game()`.
+
+    Args:
+        setup: The game.
+        game: Its state.
+        max_speed: The speed of the fastest shot, m/s.
+        arguments: Other arguments of `Billiards-v0`, such as `observe`.
+    """
+    same = {name: getattr(setup, name) for name in ("scene", "n_players", "target", "edition", "innings")}
+    same |= dataclasses.asdict(setup.engine) | {"task": setup.rules, "max_speed": max_speed}
+    env, state = BilliardsEnv(make_model(**{**same, **arguments})), to_dict(game.state)
+    fields = {name: state[name] for name in STATE_FIELDS if name != "choices"}  # no feature depends on the choices
+    return env.reset(options={"positions": game.positions, "state": fields})[0]
 
 
 def acting_in(player: Player, envs: BilliardsVectorEnv, seed: int | None = None) -> Callable[[Any, Any], Floats]:
@@ -117,6 +136,18 @@ def acting_in(player: Player, envs: BilliardsVectorEnv, seed: int | None = None)
         return np.array(actions)
 
     return policy
+
+
+def acting_by_name(name: str, envs: BilliardsVectorEnv, seed: int | None = 0) -> Callable[[Any, Any], Floats]:
+    """Returns `acting_in` for the name of a player of games, see `players.named`.
+
+    Raises:
+        OSError, TypeError, ValueError: As in `find_player`, or the environment is no game of several players.
+    """
+    setup = envs.single_env.model.setup
+    if setup is None:
+        raise ValueError("envs with n_players = 1: expected a game of several players")
+    return acting_in(find_player(name, setup), envs, seed)
 
 
 def _game_ratings(

@@ -52,7 +52,8 @@ class Situation(NamedTuple):
         run_out: Whether only the present turn counts.
         banks: Whether only banks score.
         place: x and y of the point where `stroke` places a cue ball in hand, m; None if it is not chosen yet.
-        observation: The observation of the environment; None outside of one.
+        observe: A function that returns the observation of the environment. In the window it is that of
+            `env_player.game_observation`, which compiles an environment at first. None outside of both.
         watch: A function to which a player may pass the shots that it considers, a tuple of `planner.Plan`, the best
             first. The window shows these shots. None outside the window.
     """
@@ -69,8 +70,13 @@ class Situation(NamedTuple):
     run_out: bool = False
     banks: bool = False
     place: Point | None = None
-    observation: Any = None
+    observe: Callable[[], Any] | None = None
     watch: Callable[[Any], None] | None = None
+
+    @property
+    def observation(self) -> Any:
+        """The observation, see `observe`; None without one."""
+        return None if self.observe is None else self.observe()
 
     @property
     def action_size(self) -> int:
@@ -104,7 +110,9 @@ def stroke_of(player: Player, situation: Situation, rng: np.random.Generator) ->
 
     Raises a TypeError or a ValueError if it is no `Stroke` or has wrong numbers. Errors of the player pass unchanged.
     """
-    stroke = result_of(f"stroke of {short(player)}", Stroke, player, situation, rng)
+    stroke = result_of(name := f"stroke of {short(player)}", object, player, situation, rng)
+    if not isinstance(stroke, Stroke):
+        raise TypeError(f"{name} = {short(stroke)}: expected a Stroke, a player returns situation.stroke(action)")
     check_stroke(situation.table.scene, stroke, f" of {short(player)}")
     return stroke
 

@@ -69,6 +69,20 @@ def arguments_of(env: BilliardsEnv) -> dict[str, Any]:
     return {**env.model.arguments, **used, **dict.fromkeys(("n_object_balls", "noise", "noise_seed", "scatter"))}
 
 
+class GameSpace(spaces.Box):
+    """A space of observations with the arguments of the environment that they come from.
+
+    Stable-Baselines3 gives a policy only the spaces of its environment.
+
+    Attributes:
+        env: Arguments of `gym.make("Billiards-v0", ...)`, as in `AimPolicy`.
+    """
+
+    def __init__(self, space: spaces.Box, env: Mapping[str, Any]) -> None:
+        super().__init__(space.low, space.high, space.shape, cast(Any, space.dtype))
+        self.env = env
+
+
 def by_value(log_prob: Tensor, values: Tensor) -> Tensor:
     """Returns `log_prob` (m,) with a gradient that is divided by `values` (m,), and then by the mean of these factors.
 
@@ -92,8 +106,8 @@ class AimPolicy(ActorCriticPolicy):
 
     Args:
         observation_space, action_space, lr_schedule: As in `ActorCriticPolicy`.
-        env: Arguments of `gym.make("Billiards-v0", ...)`. The weights fit any number of balls. None for those of the
-            environment, which the observation space of `SameStepVecEnv` contains.
+        env: Arguments of `gym.make("Billiards-v0", ...)`. The weights fit any number of balls. None for those in a
+            `GameSpace`, the observation space of `SameStepVecEnv`.
         observe: The features of the environment that the networks observe, with "positions": some of
             `aim_network.OBSERVED`. None for all of them that the environment has.
         points, speeds, hidden: As in `AimNetwork`.
@@ -108,7 +122,8 @@ class AimPolicy(ActorCriticPolicy):
         entropy: First and last factor of the entropy, and so of PPO's `ent_coef`.
 
     Raises:
-        ValueError: If an argument is wrong, the environment has no object ball, `env` is not the environment of the
+        ValueError: If an argument is wrong, the environment has no object ball, its actions are neither velocities nor
+            strikes, `env` is not the environment of the
             training, the observation lacks a feature that the networks need, or a wrapper changes observations or
             actions. A wrapper such as `VecNormalize`, which keeps the observation space, is an error when the first
             observations come.
@@ -159,18 +174,23 @@ class AimPolicy(ActorCriticPolicy):
         for name, ends in self.schedules.items():
             if min(finite(name, ends, (2,))) <= 0.0:
                 raise ValueError(f"{name} = {short(ends)}: expected two positive numbers")
-        carried = getattr(observation_space, "arguments", None)
+        carried = observation_space.env if isinstance(observation_space, GameSpace) else None
         env = carried if env is None else dict(env)
         if env is None:
             raise ValueError(
-                "env = None: expected the arguments of the environment, which only the observation space of "
-                "SameStepVecEnv carries, if no wrapper changes the observations"
+                "env = None: expected a SameStepVecEnv as the environment of the model, without a wrapper that changes "
+                "the observations, or policy_kwargs={'env': arguments} with the arguments of gym.make"
             )
         self.game, self.env = find_game(env), env
         there = self.game if carried is None else find_game(carried)
         for name in _WORLD:
             if getattr(self.game, name) != (value := getattr(there, name)):
                 raise ValueError(f"env: expected the arguments of the environment, whose {name} is {short(value)}")
+        if action_named(self.game.action).converter is not None or any(self.game.model.n_numbers[1:]):
+            raise ValueError(
+                f"action = {self.game.action!r}, can_place = {self.game.can_place}, can_call = {self.game.can_call}: "
+                "expected 'velocity' or 'strike', False and False, the policy has no other numbers"
+            )
         if observation_space.shape != self.game.observation_space.shape:
             raise ValueError(
                 f"env = {short(env)}: expected the arguments of the environment, whose observation has the shape "

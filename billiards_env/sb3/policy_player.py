@@ -15,7 +15,7 @@ In a carom game a policy must be trained with two object balls.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,10 +31,11 @@ from billiards_env.players.situation import Player, Situation, placed
 from billiards_env.players.strategies import best_of
 from billiards_env.sb3.aim_network import Mixture
 from billiards_env.sb3.aim_policy import AimPolicy, arguments_of
-from billiards_env.sb3.weights import load_policy
+from billiards_env.sb3.weights import check_finished, load_policy
 from billiards_env.scene import Scene
 from billiards_env.shots.tables import Tables
 from billiards_env.support.checks import Range, integer
+from billiards_env.support.settings import read_settings
 
 MOST_PROPOSALS = 100_000
 
@@ -73,10 +74,31 @@ def policy(argument: str, where: Setup | gym.Env[Any, Any]) -> Player:
             situation = placed(situation, rng)
         elif rate is not None:
             situation = situation._replace(rate=rate)
-        actions = propose(situation, count, rng)
-        return situation.stroke(actions[0]) if count == 1 else best_of(situation, actions, rng)
+        with _one_thread():
+            actions = propose(situation, count, rng)
+            return situation.stroke(actions[0]) if count == 1 else best_of(situation, actions, rng)
 
     return player
+
+
+@contextlib.contextmanager
+def _one_thread() -> Iterator[None]:
+    """PyTorch uses one thread within this context: several are slower for the observation of one table."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def arguments_of_run(name: str) -> dict[str, Any]:
+    """Returns the arguments of the environment of the run of a player "policy:FOLDER"."""
+    folder = name.partition(":")[2]
+    if not Path(folder).is_dir():
+        folder = folder.rpartition(":")[0]
+    check_finished(Path(folder))
+    return dict(read_settings(Path(folder, "config.yaml"), "the settings of a run").get("env") or {})
 
 
 POLICY = PlayerEntry(policy, argument="")

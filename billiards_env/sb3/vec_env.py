@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import time
 import warnings
 from collections.abc import Mapping, Sequence
@@ -11,13 +10,14 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium.error import ResetNeeded
+from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
 from billiards_env.envs import BilliardsEnv
-from billiards_env.sb3.aim_policy import arguments_of
+from billiards_env.sb3.aim_policy import GameSpace, arguments_of
 from billiards_env.support.checks import short
 
 
@@ -34,8 +34,10 @@ class SameStepVecEnv(VecEnv):
     attributes and methods are those of the outermost wrapper that adds one of this name, such as `Opponents.policy`,
     and otherwise those of the environment without wrappers. A wrapper has one value for all environments.
 
-    The `observation_space` of `Billiards-v0` has the attribute `arguments`, from which `AimPolicy` gets the table, the
-    balls and the task. A wrapper that changes the observations also changes the space, which then has no arguments.
+    The `observation_space` of `Billiards-v0` is a `GameSpace`, from which `AimPolicy` gets the table, the balls and the
+    task. A wrapper that changes the observations also changes the space, which then is no `GameSpace`.
+
+    A game of several players without `Opponents` warns, because the rewards of a learner then belong to all players.
 
     Attributes:
         envs: The vector environment.
@@ -54,9 +56,15 @@ class SameStepVecEnv(VecEnv):
         super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
         self.metadata = {**envs.metadata, **self.metadata}
         game = getattr(envs.unwrapped, "single_env", None)
-        if isinstance(game, BilliardsEnv) and game.observation_space is self.observation_space:
-            self.observation_space = copy.copy(self.observation_space)
-            vars(self.observation_space)["arguments"] = arguments_of(game)
+        space = self.observation_space
+        if isinstance(game, BilliardsEnv) and game.observation_space is space and isinstance(space, Box):
+            self.observation_space = GameSpace(space, arguments_of(game))
+        if isinstance(game, BilliardsEnv) and game.n_players > 1 and self._wrapper("seats") is None:
+            warnings.warn(
+                f"envs with n_players = {game.n_players}: expected Opponents(envs, policy), where one player learns; "
+                "these rewards are those of the player who shoots",
+                stacklevel=2,
+            )
 
     def reset(self) -> np.ndarray:
         """Resets all environments with the seeds and options that were set since the last reset.

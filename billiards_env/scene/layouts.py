@@ -57,7 +57,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.jit import Typed, entry_point, kept, kernel, streams
+from billiards_env.jit import Typed, entry_point, kernel, streams
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.scene import Scene, check_positions, check_scene
 from billiards_env.scene.outline import pieces
@@ -299,7 +299,7 @@ class Drawer:
     """
 
     def __init__(self, plan: LayoutPlan) -> None:
-        self._plan, self._kept_plan, self._fill = plan, kept(tuple(plan)), Typed(fill_tables)
+        self._plan, self._numbers, self._fill = plan, tuple(plan), Typed(fill_tables)
 
     def draw(
         self, begin: int, end: int, mask: NDArray[np.bool_], table_streams: NDArray[np.uint64], positions: Floats
@@ -316,7 +316,7 @@ class Drawer:
         Raises:
             ValueError: If a ball finds no free position.
         """
-        _check_filled(self._plan, self._fill.call(self._kept_plan, begin, end, mask, table_streams, positions))
+        _check_filled(self._plan, self._fill.call(self._numbers, begin, end, mask, table_streams, positions))
 
 
 def _check_filled(plan: LayoutPlan, failed: int) -> None:

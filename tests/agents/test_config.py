@@ -50,6 +50,7 @@ WRONG = [
     ({"timesteps": 1, "seed": -1}, "seed = -1: expected a whole number"),
     ({"timesteps": 1, "task": "Pot-v0"}, "task = 'Pot-v0': expected one of .*did you mean"),
     ({"timesteps": 1, "env": {"max_shot": 2}}, "key of env = 'max_shot'.*did you mean 'max_shots'"),
+    ({"timesteps": 1, "env": {"task": "nine_ball", "n_players": 2}}, "env.n_players = 2: expected 1; .*self_play.py"),
     ({"timesteps": 1, "env": {"max_speed": -1.0}}, "max_speed = -1.0: expected a number from"),
     ({"timesteps": 1, "noise": {"angle": 1}}, "key of noise = 'angle'"),
     ({"timesteps": 1, "noise": {"speed_std": -0.1}}, "speed_std = -0.1: expected a number from"),

@@ -5,9 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from billiards_env.derivatives.lanes import Wall, cushion_is_smooth, cushion_solution, d_impact
-from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics.ball_cushion import impact
+from billiards_env.derivatives.lanes import Wall, cushion_is_smooth, cushion_solution, lane_kernels
+from billiards_env.engine.compile import scene_arrays, scene_kernels
 from billiards_env.physics.laws.cushion import CushionMotion, cushion_restitution
 from billiards_env.physics.state import BallState, LawNumbers, law_numbers_of
 from billiards_env.scene import Scene
@@ -32,10 +31,15 @@ def scene_with(cushion, **physics):
     return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, cushion=cushion, **physics))
 
 
+def with_tangents(scene):
+    """Returns the arrays of a scene with the tangents of its laws."""
+    return scene_arrays(scene)._replace(laws=lane_kernels(scene_kernels(scene), constants=True).scene.laws)
+
+
 def rebound(motion, radius, scene):
     """Returns the motion (5,) after an impact."""
     arrays = scene_arrays(scene)
-    return np.array(impact(arrays.cushion, CushionMotion(*motion), (radius, 0.0, arrays.numbers, None))[0])
+    return np.array(arrays.laws.cushion(CushionMotion(*motion), radius, 0.0, arrays.numbers, None)[0])
 
 
 def differences(motion, scene, step):
@@ -60,14 +64,14 @@ def differences(motion, scene, step):
 
 def derivative(motion, scene):
     """Returns the same by the tangent of the law, and the derivative by the last constant."""
-    arrays, columns, (vn, vt, un, ut, rwz) = scene_arrays(scene), [], motion
+    arrays, columns, (vn, vt, un, ut, rwz) = with_tangents(scene), [], motion
     before, ball = CushionMotion(*motion), BallState(0.0, 0.0, vn, vt, un, ut, rwz / RADIUS)
     solution = cushion_solution(ball, Wall(1.0, 0.0, 0.0), RADIUS, arrays)
     numbers, zeros = law_numbers_of(arrays.numbers), LawNumbers(*np.zeros(len(LawNumbers._fields)))
     for unit in np.eye(6 + len(CONSTANTS)):
         change = zeros._replace(**dict(zip(CONSTANTS, unit[6:], strict=True)))
-        at, d_at = (before, (RADIUS, 0.0, numbers, solution)), (CushionMotion(*unit[:5]), (unit[5], 0.0, change, 0.0))
-        columns.append(d_impact(arrays.cushion, *at, *d_at)[1][0])
+        at = before, RADIUS, 0.0, numbers, solution
+        columns.append(arrays.laws.d_cushion(*at, CushionMotion(*unit[:5]), unit[5], change)[1][0])
     return np.array(columns).T
 
 
@@ -143,7 +147,7 @@ def test_a_kink_of_the_restitution_has_no_derivative(kink):
     for cushion in ("restitution", "han2005", "stronge", "mathavan2010") if numbers is FALLS else ("han2005_variable",):
 
         def smooth(vn, un, ut, cushion=cushion, **changes):
-            arrays = scene_arrays(scene_with(cushion, **numbers | changes))
+            arrays = with_tangents(scene_with(cushion, **numbers | changes))
             ball = BallState(0.0, 0.0, vn, 0.4, un, ut, 5.0)
             return cushion_is_smooth(ball, Wall(1.0, 0.0, 0.0), RADIUS, arrays)
 
@@ -157,7 +161,7 @@ def test_a_ball_that_rolls_has_the_most_topspin_and_a_derivative():
     scene = scene_with("han2005_variable", **FALLS | {"e_cushion_topspin": 0.05, "e_cushion_onset": 0.5})
     motion = np.array([1.0, 0.4, 0.0, 0.0, 0.1])
     ball = BallState(0.0, 0.0, 1.0, 0.4, 0.0, 0.0, 0.1 / RADIUS)
-    assert cushion_is_smooth(ball, Wall(1.0, 0.0, 0.0), RADIUS, scene_arrays(scene))
+    assert cushion_is_smooth(ball, Wall(1.0, 0.0, 0.0), RADIUS, with_tangents(scene))
     changed = [0, 1, 4]  # a rolling ball has no change of slip
     expected = differences(motion, scene, 1e-6)[:, changed]
     np.testing.assert_allclose(derivative(motion, scene)[:, changed], expected, atol=1e-7 * np.abs(expected).max())

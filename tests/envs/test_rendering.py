@@ -68,9 +68,9 @@ def test_each_shot_runs_the_engine_once(render_mode, vector, monkeypatch):
     def counting(*choice):
         engine = Typed(run_shots_of(*choice))
 
-        def run(begin, end, scene, limit, *rest):
+        def run(kernels, begin, end, scene, limit, *rest):
             limits.append(limit)
-            engine.call(begin, end, scene, limit, *rest)
+            engine.call(kernels, begin, end, scene, limit, *rest)
 
         return run
 

@@ -67,6 +67,11 @@ def test_every_task_has_its_own_kernel():
     assert all(task.judge.__name__ == f"judge_{name}" for name, task in tasks.TASKS.items())
 
 
+def test_the_jump_task_is_played_with_a_cue_by_default():
+    env = make_env(task="jump")
+    assert (env.action, env.scene.physics.flight) == ("strike", True)
+
+
 # The balls that were potted before a shot and those after it, points, whether the episode is over, and success
 POT = [
     ((), (), 0, False, False),

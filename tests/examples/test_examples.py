@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 
 from billiards_env.bench.frozen import FROZEN
+from billiards_env.games import Setup, opening
+from billiards_env.players.situation import game_situation
 from billiards_env.scene import Physics, Scene
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples"
@@ -151,12 +153,16 @@ def test_ppo_trains_from_pixels():
     assert load("pixels", "stable_baselines3")["run"](256, num_envs=16).observation_space.shape == (3, 84, 84)
 
 
-def test_self_play_learns_from_games():
-    program = load("self_play", "stable_baselines3", "sb3_contrib")
-    shares = program["run"](128 * 32, 128 * 32, n_games=4, rivals=("random", "geometric"))
+def test_self_play_learns_from_games_and_its_model_plays_in_the_window(tmp_path):
+    program, file = load("self_play", "stable_baselines3", "sb3_contrib"), str(tmp_path / "model.zip")
+    shares = program["run"](128 * 32, 128 * 32, n_games=4, rivals=("random", "geometric"), save=file)
     assert list(shares) == ["random", "geometric"]
     assert all(0.0 <= share <= 1.0 for pair in shares.values() for share in pair)
     assert shares["random"][0] > 0.5
+    game, rng, player = Setup("nine_ball", Scene.named("pool", 9)), np.random.default_rng(0), program["player"](file)
+    state = opening(game, rng, "random")
+    stroke = player(game_situation(game, state, 8.0), rng)
+    assert 0.0 < np.hypot(*stroke.velocity) <= 8.0 * (1 + 1e-6)
 
 
 @pytest.mark.tools

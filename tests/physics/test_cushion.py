@@ -6,7 +6,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics import ball_cushion
 from billiards_env.physics.ball_cushion import reflect_both
 from billiards_env.physics.laws.cushion import CushionMotion, cushion_restitution
 from billiards_env.physics.laws.cushion_stronge import friction_impulse
@@ -22,7 +21,7 @@ POOL_R = 0.028575
 
 def impact(before, radius, rebound, scene):
     """Returns the motion after an impact on the cushions of a scene, and whether `rebound` raised it."""
-    return ball_cushion.impact(scene.cushion, before, (radius, rebound, scene.numbers, None))
+    return scene.laws.cushion(before, radius, rebound, scene.numbers, None)
 
 
 def pool_cushion(law, height=1.28, radius=POOL_R, **physics):

@@ -79,6 +79,12 @@ def test_arguments_describe_the_game():
     assert history("--rules", "snooker", "--choices", "--miss").setup.miss
 
 
+def test_a_person_plays_against_the_planner_by_default(frames):
+    main(["--rules", "carom"])
+    (shown,) = frames
+    assert shown.model.players == ("human", "planner:club")
+
+
 def test_the_seed_determines_the_rack():
     one, two, other = (history(seed=seed).opening.positions for seed in (1, 1, 2))
     assert (one == two).all()

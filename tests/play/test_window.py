@@ -5,6 +5,7 @@ import math
 import re
 import signal
 import threading
+import types
 from typing import Any
 
 import numpy as np
@@ -17,13 +18,14 @@ import pygame
 from billiards_env import Engine, Scene, simulate
 from billiards_env.drawing.canvas import Canvas, pixels
 from billiards_env.drawing.pace import slower
+from billiards_env.envs import make_env
 from billiards_env.games import History, Setup, Stroke, custom_opening, records
 from billiards_env.play import labels
 from billiards_env.play import model as act
 from billiards_env.play.model import begin, change_pace, go, repeat, shoot, tick, toggle, turn_aim
 from billiards_env.play.panel import place_controls
 from billiards_env.play.view import View, _row
-from billiards_env.play.window import GameWindow
+from billiards_env.play.window import GameWindow, _Work
 from billiards_env.players.levels import LevelPlayer
 from billiards_env.players.named import find_player
 from billiards_env.players.planner import Plan
@@ -512,6 +514,39 @@ def test_a_planner_that_thinks_does_not_hold_the_window_up(make_model, window):
     assert not shown.open
     thread.join(20.0)
     assert not thread.is_alive()
+
+
+def test_a_thread_that_compiles_is_not_stopped():
+    may_end = threading.Event()
+
+    def spin():
+        while not may_end.is_set():
+            pass
+        return 5
+
+    in_numba = types.FunctionType(spin.__code__, {"__name__": "numba.core.compiler"}, closure=spin.__closure__)
+    works: Any = [_Work(function) for function in (in_numba, spin)]
+    for work in works:
+        work.stop()
+    assert isinstance(works[1].exception(20.0), SystemExit)
+    may_end.set()
+    assert works[0].result(20.0) == 5
+
+
+def test_a_program_gets_the_observation_of_an_environment(make_model, window):
+    seen = []
+
+    def player(situation, rng):
+        seen.append(situation.observation)
+        return Stroke((0.3, 0.4))
+
+    model = make_model("carom", players=("program", "human"))
+    shown = window(model, (player, None))
+    while shown.model.phase == "thinking":
+        press(shown)
+    env = make_env(task="carom", n_players=2)
+    assert env.observation_space.contains(seen[0])
+    np.testing.assert_allclose(env.decode(seen[0])["positions"] * env.scene.half_extents, model.game.positions)
 
 
 def test_the_window_shows_the_shots_that_a_program_considers(make_model, window):

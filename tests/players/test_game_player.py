@@ -3,14 +3,16 @@
 import importlib.metadata
 import sys
 import types
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from billiards_env.envs import make_env
 from billiards_env.games import GAMES, Call, Stroke, custom_opening, opening, play
+from billiards_env.players.env_player import env_situation, game_observation
 from billiards_env.players.named import GROUP, PLAYERS, find_player
-from billiards_env.players.situation import game_situation
+from billiards_env.players.situation import game_situation, stroke_of
 from tests.helpers.errors import refusals
 from tests.helpers.games import hanging, setup
 
@@ -53,6 +55,25 @@ def test_the_strategies_of_other_packages_give_finite_numbers(action):
     game, table = hanging()
     with pytest.raises(ValueError, match=r"action.*: expected"):
         game_situation(game, table, 4.0).stroke(action)
+
+
+def test_a_player_that_returns_an_action_gets_a_hint():
+    game, table = hanging()
+    situation = game_situation(game, table, 4.0)
+    with pytest.raises(TypeError, match=r"expected a Stroke, a player returns situation.stroke\(action\)"):
+        stroke_of(lambda situation, rng: cast(Any, np.zeros(2)), situation, RNG(0))
+
+
+@pytest.mark.parametrize("rules", ["nine_ball", "snooker", "carom"])
+def test_the_observation_of_a_game_is_that_of_its_environment(rules):
+    env, rng = make_env(task=rules, n_players=2), RNG(3)
+    observed, _ = env.reset(seed=1)
+    for _ in range(6):
+        setup, game = env_situation(env).find_game()
+        assert np.array_equal(game_observation(setup, game, env.max_speed), observed)
+        observed, _, over, *_ = env.step(rng.uniform(-1, 1, env.action_space.shape))
+        if over:
+            break
 
 
 def test_a_module_that_ends_the_process_is_named(tmp_path, monkeypatch):

@@ -132,6 +132,7 @@ def learning(envs: Any, env: dict[str, Any] | None = None) -> PPO:
 
 
 REAL: dict[str, Any] = {"scene": "real_pool"}
+NINE: dict[str, Any] = {"task": "nine_ball", "n_players": 2}
 EMPTY, WIDE = {"task": "place", "n_object_balls": 0}, gym.spaces.Box(-2.0, 2.0, (2,))
 TABLE = "env: expected the arguments of the environment, whose scene is Scene"
 NORMALIZED = r"observations up to .*: expected .* from -1 to 1; a wrapper such as VecNorm"
@@ -143,7 +144,10 @@ WRONG = [
     (lambda: learning(vector(**REAL), {**REAL, "max_speed": 3.0}), "env: expected .* whose max_speed is 4.0"),
     (lambda: learning(VecNormalize(vector())).learn(32), NORMALIZED),
     (lambda: AimPolicy(vector().observation_space, WIDE, lambda _: 1e-3), SPACE),
-    (lambda: alone({}), "env = None: expected the arguments of the environment"),
+    (lambda: alone({}), "env = None: expected a SameStepVecEnv .*, or policy_kwargs={'env': arguments}"),
+    (lambda: learning(vector(action="cut")), "action = 'cut', .*: expected 'velocity' or 'strike'"),
+    (lambda: learning(vector(action="plan")), "action = 'plan', .*: expected 'velocity' or 'strike'"),
+    (lambda: alone(NINE, env=NINE), "can_place = True, .*: expected .* False"),
     (lambda: alone({}, env={"n_object_balls": 2}), r"expected the arguments .*, whose observation .* not \(6,\)"),
     (lambda: alone({}, env={}, aim="pocket"), "aim = 'pocket': expected one of 'ball', 'layout'"),
     (lambda: alone(EMPTY, env=EMPTY), "expected an object ball"),

@@ -11,6 +11,7 @@ from stable_baselines3 import PPO
 from agents.config import Config
 from agents.ppo import make_env, make_policy
 from billiards_env import envs
+from billiards_env.__main__ import main
 from billiards_env.games import custom_opening, opening, play
 from billiards_env.play.__main__ import make_history, make_parser
 from billiards_env.players.env_player import acting, action_of, env_situation
@@ -73,6 +74,35 @@ def test_a_policy_plays_an_environment_made_without_gymnasium_at_its_speed(tmp_p
     assert act(observation).tolist() == model.predict(observation, deterministic=True)[0].tolist()
     with pytest.raises(ValueError, match=r"another max_speed: expected 5\.0, not 4\.0"):
         find_player(f"policy:{folder}", gym.make("Billiards-v0"))
+
+
+def test_evaluate_takes_the_arguments_of_the_run(tmp_path, capsys):
+    folder = str(untrained(tmp_path, task="carom", max_speed=5.0)[0])
+    for task in ([], ["--task", "carom"]):
+        main(["evaluate", f"policy:{folder}", *task, "--beside", "--episodes", "2"])
+        shown = capsys.readouterr().out
+        assert shown.startswith(f"other arguments of the environment: those of policy:{folder}\n")
+    with pytest.raises(SystemExit, match="trained for another task: expected 'carom', not 'place'"):
+        main(["evaluate", f"policy:{folder}", "--task", "place", "--beside", "--episodes", "2"])
+
+
+def test_a_policy_plays_on_one_thread(tmp_path, monkeypatch):
+    folder, _, env = untrained(tmp_path)
+    observation, _ = env.reset(seed=0)
+    act, seen, before = acting(find_player(f"policy:{folder}", env), env), [], torch.get_num_threads()
+    forward = AimPolicy._predict
+
+    def predict(*args, **kwargs):
+        seen.append(torch.get_num_threads())
+        return forward(*args, **kwargs)
+
+    monkeypatch.setattr(AimPolicy, "_predict", predict)
+    torch.set_num_threads(2)
+    try:
+        act(observation)
+        assert (seen, torch.get_num_threads()) == ([1], 2)
+    finally:
+        torch.set_num_threads(before)
 
 
 def test_a_folder_of_the_whole_name_comes_before_a_number_of_proposals(tmp_path):

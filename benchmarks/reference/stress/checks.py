@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine.compile import MAX_EVENTS, scene_arrays, scene_fields
+from billiards_env.engine.compile import MAX_EVENTS, scene_arrays, scene_fields, scene_kernels
 from billiards_env.engine.contact_rule import limits_in_space
 from billiards_env.engine.log import (
     BALL_BALL,
@@ -309,11 +309,11 @@ def _check(log, scene, mass, acts, findings):
 
 
 @allocating_entry_point
-def _run_checked(scene, limit, max_events, shots, log, findings):
-    arrays, record = scene_of(scene, 0), Log(*log)
+def _run_checked(kernels, scene, limit, max_events, shots, log, findings):
+    arrays, record = scene_of(kernels, scene, 0), Log(*log)
     mass, used = 1.0 / arrays.inv_mass, record.used
     for k in range(len(findings)):
-        run_shots(k, k + 1, scene, limit, max_events, shots, log)
+        run_shots(kernels, k, k + 1, scene, limit, max_events, shots, log)
         if used[N_EVENTS_LOGGED] > len(record.events) or used[N_SEGMENTS_LOGGED] > len(record.segments):
             findings[k, FULL] = 1.0
         else:
@@ -375,17 +375,17 @@ def check_shots(
     shots = empty_shots(m, n, flight)
     limit = check_shot(scene, positions, velocities, spins, None, max_time, into=shots).limit
     findings = np.zeros((m, N_FINDINGS))
-    arrays = scene_fields(scene)
+    kernels, arrays = scene_kernels(scene), scene_fields(scene)
     log = empty_log(log_rows, 2 * log_rows + n, flight=flight)
     start = [None if array is None else array.copy() for array in start_fields(shots)]
-    _run_checked(arrays, limit, max_events, tuple(shots), tuple(log), findings)
+    _run_checked(kernels, arrays, limit, max_events, tuple(shots), tuple(log), findings)
     for k in np.flatnonzero(findings[:, FULL]):
         rows = int(shots.n_events[k])
         log = empty_log(rows, 2 * rows + n, flight=flight)
         findings[k] = 0.0
         one = slice(k, k + 1)
         again = tuple(None if array is None else array[one] for array in (*start, *shots[len(start) :]))
-        _run_checked(arrays, limit, max_events, again, tuple(log), findings[one])
+        _run_checked(kernels, arrays, limit, max_events, again, tuple(log), findings[one])
     heaviest = max(m for m in scene.balls.mass if math.isfinite(m))
     numbers = scene_arrays(scene).numbers
     weak = limits_in_space(1.0, numbers).speed if flight else numbers.weak_speed
