@@ -33,6 +33,7 @@ SOURCES = {
         "benchmarks.comparison",
         "benchmarks.error_limit",
         "benchmarks.gradients",
+        "benchmarks.machines",
         "benchmarks.real_tracks",
         "benchmarks.speed",
         "benchmarks.stress",

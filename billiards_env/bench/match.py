@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from billiards_env.envs import BilliardsVectorEnv, make_vector_env
 from billiards_env.envs.opponents import Policy
-from billiards_env.intervals import wilson_interval
+from billiards_env.intervals import success_rate
 from billiards_env.players.env_player import acting_by_name
 from billiards_env.support.checks import Range, integer, short
 from billiards_env.support.files import read_text, refusing, write_json
@@ -85,13 +85,13 @@ def play_pairs(
     for name in names:  # a wrong name is an error before the first game
         acting_by_name(name, make_vector_env(1, **arguments))
     for pair in itertools.combinations(names, 2):
-        won = results.setdefault(AGAINST.join(pair), [0, 0, 0])
+        text = AGAINST.join(pair)
+        won = results.setdefault(text, [0, 0, 0])
         while (done := sum(won)) < count:
             games = make_vector_env(min(BATCH, count - done), **arguments)
             first = seed * count + done
             players = [acting_by_name(name, games, first + k) for k, name in enumerate(pair)]
-            text = AGAINST.join(pair)
-            for winner in play_games(games, players, first, lambda text=text, done=done: progress(text, done)).tolist():
+            for winner in play_games(games, players, first, functools.partial(progress, text, done)).tolist():
                 won[winner] += 1
             progress(text, sum(won))
             if out is not None:
@@ -104,16 +104,13 @@ def _read(path: Path, settings: Mapping[str, Any]) -> Results:
     what = "the results of a match"
     text = read_text(path, 2**20, what)
     with refusing(path, what):
-        saved = json.loads(text)
+        saved, whole = json.loads(text)["settings"], Range(0, None)
         results = {
-            pair: [integer(pair, count, Range(0, None)) for count in won] for pair, won in saved["results"].items()
+            pair: [integer(pair, number, whole) for number in (won, lost, none)]
+            for pair, (won, lost, none) in json.loads(text)["results"].items()
         }
-        if any(len(won) != 3 or pair.count(AGAINST) != 1 for pair, won in results.items()):
-            raise ValueError
-    if saved["settings"] != settings:
-        raise ValueError(
-            f"out = {str(path)!r}: expected a match with {short(settings)}, not {short(saved['settings'])}"
-        )
+    if saved != settings:
+        raise ValueError(f"out = {str(path)!r}: expected a match with {short(settings)}, not {short(saved)}")
     return results
 
 
@@ -130,13 +127,9 @@ def ratings(results: Results) -> dict[str, float]:
         wins[a, b] += first + 0.5 * (none + 1)
         wins[b, a] += second + 0.5 * (none + 1)
     strength = np.ones(len(names))
-    for _ in range(10_000):
-        games = wins + wins.T
-        new = wins.sum(1) / (games / (strength[:, None] + strength)).sum(1)
-        new /= np.exp(np.log(new).mean())
-        if np.allclose(new, strength, rtol=1e-9, atol=0.0):
-            break
-        strength = new
+    for _ in range(2000):
+        strength = wins.sum(1) / ((wins + wins.T) / (strength[:, None] + strength)).sum(1)
+        strength /= np.exp(np.log(strength).mean())
     elo = dict(zip(names, (400.0 * np.log10(strength)).tolist(), strict=True))
     return dict(sorted(elo.items(), key=lambda item: -item[1]))
 
@@ -144,17 +137,11 @@ def ratings(results: Results) -> dict[str, float]:
 def table(results: Results) -> Iterable[str]:
     """Yields the lines of a table of the matches and, with more than two players, of the ratings."""
     width = max(6, *(len(name) for pair in results for name in pair.split(AGAINST)))
-    head = f"{'player':{width}}  {'against':{width}} {'games':>6} {'won':>5} {'lost':>5} {'none':>5} {'share':>7}"
-    yield f"{head}  95% interval"
+    yield f"{'player':{width}}  {'against':{width}} {'games':>6} {'won':>5} {'lost':>5} {'none':>5}  share of won games"
     for pair, (won, lost, none) in results.items():
         first, second = pair.split(AGAINST)
-        decided = won + lost
-        low, high = wilson_interval(won, decided) if decided else (0.0, 1.0)
-        share = won / decided if decided else math.nan
-        yield (
-            f"{first:{width}}  {second:{width}} {decided + none:>6} {won:>5} {lost:>5} {none:>5} {share:>7.1%}  "
-            f"{low:.1%} to {high:.1%}"
-        )
+        text = success_rate(won, won + lost) if won + lost else "-"
+        yield f"{first:{width}}  {second:{width}} {won + lost + none:>6} {won:>5} {lost:>5} {none:>5}  {text}"
     if len(results) > 1:
         yield ""
         yield f"{'player':{width}} {'rating':>7}"

@@ -22,7 +22,7 @@ from billiards_env.jit import entry_point, inlined
 from billiards_env.physics.ball_ball import meet
 from billiards_env.physics.ball_cushion import bounce
 from billiards_env.physics.geometry.pockets import outwards_at
-from billiards_env.physics.geometry.walls import curvature_at, normal_at
+from billiards_env.physics.geometry.walls import centres_at
 from billiards_env.physics.laws.balls import distance_of
 from billiards_env.physics.laws.cloth import SLIP_RATE, coast_from, drive, slip_of, spin_after, spin_of
 from billiards_env.physics.laws.cushion import CushionMotion, restitution_is_smooth
@@ -383,10 +383,10 @@ class Wall(NamedTuple):
 
 
 @inlined
-def wall_at(x, y, wall, radius, outline):
+def wall_at(x, y, wall, radius, scene):
     """Returns the `Wall` with a number where a ball at (x, y) touches it."""
-    nx, ny = normal_at(x, y, wall, outline)
-    return Wall(nx, ny, curvature_at(wall, radius, outline))
+    nx, ny = scene.walls.normal(x, y, wall, scene)
+    return Wall(nx, ny, 1.0 / centres_at(wall, radius, scene.outline)[2])
 
 
 @inlined

@@ -56,8 +56,7 @@ from billiards_env.engine.log import BALL, BALL_BALL, BALL_CUSHION, BALL_POCKET,
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import misses_circle
-from billiards_env.physics.geometry.outline_walls import is_beside
-from billiards_env.physics.geometry.walls import wall_time
+from billiards_env.physics.geometry.walls import is_beside
 from billiards_env.physics.motion import place_after
 from billiards_env.physics.state import Time, later, law_numbers_of
 
@@ -175,7 +174,7 @@ def pass_circle(meeting, circle, swept, span, over):  # out: over
     """Stores the margin of a `Meeting` to a `Circle` on a `Span` with a `Sweep`, if it is the largest."""
     i, q = meeting.ball, _column(meeting, over.shot.scene)
     if over.selected[i, q] and not misses_circle(circle.path, swept, circle.reach - over.out.margin[i, q]):
-        t, faces = nearest_to(circle, span)
+        t, faces = nearest_to(meeting, circle, span, over.shot.scene.outline)
         if faces and (t > 0.0 or span.end == 0.0):
             _approach(meeting, circle, t, t == span.end, False, span.begin, over)
 
@@ -194,7 +193,9 @@ def pass_side(meeting, side, path, span, over):  # out: over
         return  # it was nearer before
     x, y = place_after(path, t)
     margin = nx * x + ny * y - side.room
-    if over.out.margin[meeting.ball, q] < margin <= _TOUCHING and is_beside(side.line, x, y):
+    if over.out.margin[meeting.ball, q] < margin <= _TOUCHING and is_beside(
+        over.shot.scene.outline.lines[meeting.other], x, y
+    ):
         _set(meeting, _signed(margin, False), (nx, ny), v + t * a if t == end else 0.0, later(span.begin, t), over)
 
 
@@ -209,13 +210,13 @@ def _enter_pocket(meeting, circle, path, now, over):  # out: over
     """
     i, scene, out, q = meeting.ball, over.shot.scene, over.out, _column(meeting, over.shot.scene)
     t, cut = turn_time(circle.path), False
-    limit, wall = wall_time(path, scene.radius[i], t, scene.numbers, scene.outline)
+    limit, wall = scene.walls.time(path, scene.radius[i], t, scene)
     if limit < t:
         t, cut = limit, True
     _approach(meeting, circle, t, cut, True, now, over)
     if cut:
         x, y = place_after(path, t)
-        nx, ny, _ = wall_at(x, y, wall, scene.radius[i], scene.outline)
+        nx, ny, _ = wall_at(x, y, wall, scene.radius[i], scene)
         speed = nx * (path.vx + t * path.ax) + ny * (path.vy + t * path.ay)
         for c in range(len(out.slope)):
             lane = over.tape.lanes[c]
@@ -253,7 +254,7 @@ def _meet(e, over):  # out: over
     if kind == BALL_POCKET:
         _enter_pocket(meeting, circle, path, now, over)
     elif circle.reach == math.inf:
-        nx, ny, _ = wall_at(path.x, path.y, other, scene.radius[i], scene.outline)
+        nx, ny, _ = wall_at(path.x, path.y, other, scene.radius[i], scene)
         _hit_side(meeting, (nx, ny), path, now, over)
     else:
         _approach(meeting, circle, turn_time(circle.path), False, True, now, over)

@@ -416,7 +416,7 @@ def margin_columns(scene: Scene) -> dict[str, slice]:
     """Returns the columns of each kind of margin in the arrays of `push_margins`."""
     outline = scene_fields(scene)[4]
     n, p = scene.n_balls, len(scene.table.pockets)
-    c = 4 if outline is None else len(outline[0]) + len(outline[1])
+    c = len(outline[0]) + len(outline[1])
     return dict(zip(MARGINS, (slice(0, n), slice(n, n + p), slice(n + p, n + p + c)), strict=True))
 
 

@@ -66,7 +66,7 @@ from billiards_env.jit import allocating, allocating_entry_point, expanded, inli
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import meet
 from billiards_env.physics.ball_cushion import bounce
-from billiards_env.physics.geometry.walls import normal_at
+from billiards_env.physics.geometry.walls import NX, NY
 from billiards_env.physics.laws.cloth import coast, drive, phase_of
 from billiards_env.physics.state import (
     AX,
@@ -305,7 +305,7 @@ def trace(shot, tape):  # out: tape
                     ball, second = meet(scene.laws, shot.is_sphere, ball, second, bodies, numbers)
                 _begin_within(piece + 1, second, segments, tape)
             else:
-                wall = wall_at(ball.x, ball.y, other, scene.radius[i], scene.outline)
+                wall = wall_at(ball.x, ball.y, other, scene.radius[i], scene)
                 ball = bounce(ball, (wall.nx, wall.ny), scene.radius[i], scene.laws, numbers, None)
             _begin_within(piece, ball, segments, tape)
         piece += balls
@@ -350,7 +350,7 @@ def apply_event(e, count, shot, tape):  # out: tape
             settle_lane(lane, 0, phase, numbers)
             settle_lane(lane, BALL_WIDTH, other_phase, numbers)
     elif kind == BALL_CUSHION:
-        wall = wall_at(ball.x, ball.y, other, one.radius, scene.outline)
+        wall = wall_at(ball.x, ball.y, other, one.radius, scene)
         meets = wall.nx * ball.vx + wall.ny * ball.vy >= 0.0
         solution = cushion_solution(ball, wall, one.radius, scene)
         for c in range(count):
@@ -596,17 +596,14 @@ def _pull(count, i, other, columns, event, tape, adjoint, sums):  # out: tape, a
 
 
 @inlined
-def _coordinate_along(outline, wall):
+def _coordinate_along(wall, lines):
     """Returns the column of the coordinate along a straight cushion that is parallel to an axis; -1 for others.
 
     A ball that starts farther along such a cushion hits it at the same time and with the same motion.
     """
-    if outline is None:
-        return DY if wall < 2 else DX
-    if wall >= len(outline.lines):
+    if wall >= len(lines):
         return -1
-    nx, ny = normal_at(0.0, 0.0, wall, outline)
-    return DY if ny == 0.0 else (DX if nx == 0.0 else -1)
+    return DY if lines[wall, NY] == 0.0 else (DX if lines[wall, NX] == 0.0 else -1)
 
 
 @inlined
@@ -679,7 +676,7 @@ def pull_lanes(kernels, begin, end, shots, times, outputs, at_events, inputs):  
             spins_on = kind > BALL_POCKET and phase != SPINNING  # the spin about the vertical axis acts only on itself
             without = -1
             if kind == BALL_CUSHION and not marked:
-                without = _coordinate_along(shot.scene.outline, int(log[e, OTHER]))
+                without = _coordinate_along(int(log[e, OTHER]), shot.scene.outline.lines)
             columns = (0 if kind <= BALL_POCKET or marked else DVX, DWZ if spins_on else BALL_WIDTH, without)
             lanes = _ball_columns(0, phase, columns, 0, motion, tape.column)
             if j >= 0:

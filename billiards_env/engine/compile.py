@@ -15,7 +15,8 @@ from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
 from billiards_env.engine.overlaps import FIXES, TREATMENTS
 from billiards_env.physics.geometry.noses import nose_arrays
-from billiards_env.physics.geometry.outline_walls import outline_arrays
+from billiards_env.physics.geometry.outline_walls import OUTLINE, outline_arrays
+from billiards_env.physics.geometry.rectangle import RECTANGLE, rectangle_arrays
 from billiards_env.physics.laws.tables import BALL_LAWS, CUSHIONS, laws_of
 from billiards_env.physics.scatter import Scatter
 from billiards_env.physics.state import (
@@ -208,10 +209,8 @@ def _compiled(scene: Scene, engine: Engine) -> tuple[SceneKernels, tuple[Any, ..
         allowed = " or ".join(repr(name) for name, fix in TREATMENTS.items() if not fix.goes_back)
         raise ValueError(f"fix = {engine.fix!r} with physics.flight = True: expected {allowed}")
     numbers = _numbers(scene, engine, {})
-    outline = None
-    if table.outline:
-        places = table.pocket_places.tolist()
-        outline = outline_arrays(table.outline, numbers.half_length, numbers.half_width, places)
+    half, places = (numbers.half_length, numbers.half_width), table.pocket_places.tolist()
+    outline = outline_arrays(table.outline, *half, places) if table.outline else rectangle_arrays(*half, len(places))
     radius = np.array(scene.balls.radius)
     sizes = len(set(scene.balls.radius))
     arrays = SceneArrays(
@@ -223,7 +222,7 @@ def _compiled(scene: Scene, engine: Engine) -> tuple[SceneKernels, tuple[Any, ..
         spheres=radius if p.flight or (scene.balls.shape == "sphere" and sizes > 1) else None,
         flight=nose_arrays(outline, scene.balls.radius[0], numbers, table.pocket_rows.tolist()) if p.flight else None,
     )
-    kernels = SceneKernels(laws=laws_of(p.ball_ball, p.cushion))
+    kernels = SceneKernels(laws=laws_of(p.ball_ball, p.cushion), walls=OUTLINE if table.outline else RECTANGLE)
     return kernels, (np.array([numbers], NUMBERS), *arrays[1 : -len(kernels)])
 
 

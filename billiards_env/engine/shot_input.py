@@ -20,7 +20,6 @@ from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.noses import is_free
 from billiards_env.physics.geometry.pockets import pocket_at
-from billiards_env.physics.geometry.walls import half_sizes
 from billiards_env.physics.scatter import Scatter
 from billiards_env.physics.state import CUE_BALL, SPIN_X, SPIN_Y, SPIN_Z, X, Y, scene_of
 from billiards_env.scene import CONTACT_GAP, Scene, check_positions, check_ranges
@@ -84,8 +83,7 @@ def _is_valid_alone(i, place, velocity, spin, in_play, scene):
 
     Its place (x, y) is valid inside the cushions and outside the pockets. A ball of infinite mass has to rest.
     """
-    x, y, radius = place[X], place[Y], scene.radius[i]
-    half_length, half_width = half_sizes(scene.numbers, scene.outline)
+    x, y, radius, box = place[X], place[Y], scene.radius[i], scene.outline.box
     vx, vy = velocity[X], velocity[Y]
     wx, wy, wz = spin[SPIN_X], spin[SPIN_Y], spin[SPIN_Z]
     fastest, most = max(abs(vx), abs(vy)), max(max(abs(wx), abs(wy)), abs(wz))
@@ -97,7 +95,7 @@ def _is_valid_alone(i, place, velocity, spin, in_play, scene):
         return False
     if not in_play:
         return True
-    if abs(x) > half_length - radius or abs(y) > half_width - radius:
+    if abs(x) > box[X] - radius or abs(y) > box[Y] - radius:
         return False
     return pocket_at(scene.pockets, x, y, _CLOSE) < 0
 

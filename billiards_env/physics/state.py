@@ -149,9 +149,11 @@ class SceneKernels(NamedTuple):
 
     Attributes:
         laws: The `laws.tables.Laws` of impacts.
+        walls: The `geometry.walls.Walls` of the table.
     """
 
     laws: Any
+    walls: Any
 
 
 class SceneArrays(NamedTuple):
@@ -162,12 +164,12 @@ class SceneArrays(NamedTuple):
         radius: (n,) float64, m.
         inv_mass: (n,) float64, 1/kg; 0 for a fixed ball.
         pockets: (k, 3) float64, a row of `Table.pocket_rows` for each pocket, see `geometry.pockets`.
-        outline: The `outline_walls.Outline`; None for a rectangle.
+        outline: The `geometry.walls.Outline`: the cushions.
         spheres: (n,) float64, the radii of spheres of different size or with flight, m; None if all normals are
             horizontal: for disks and for equal balls.
         flight: The `noses.Noses` if balls leave the cloth, otherwise None.
         scatter: The fields of `scatter.Scatter` of all shots; None for cushions without scatter.
-        laws: A field of `SceneKernels`.
+        laws, walls: The fields of `SceneKernels`.
 
     Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
     argument begins with `if field is None`.
@@ -181,11 +183,12 @@ class SceneArrays(NamedTuple):
     radius: Floats
     inv_mass: Floats
     pockets: Floats
-    outline: Any = None
+    outline: Any
     spheres: Any = None
     flight: Any = None
     scatter: Any = None
     laws: Any = None
+    walls: Any = None
 
 
 @expanded

@@ -61,17 +61,3 @@ def test_opponents_by_name_and_wrong_actions():
         model_like.reset(seed=0)
     with pytest.raises(ValueError, match=r"actions of the policy .* has shape \(1, 2\): expected \(1, 4\)"):
         Opponents(games, lambda observations, rows: np.zeros((len(rows), 2))).reset(seed=0)
-
-
-WRONG = [
-    (["random"], "player = random: expected at least two players"),
-    (["random", "random"], "player = random random: expected at least two players, each once"),
-    (["random", "aim", "--rules", "carm"], "rules = 'carm': expected one of .* \\(did you mean 'carom'"),
-    (["random", "aim", "--games", "0"], "--games = 0: expected a whole number from 1"),
-]
-
-
-@pytest.mark.parametrize(("arguments", "message"), WRONG)
-def test_wrong_arguments_are_refused(arguments, message):
-    with pytest.raises(SystemExit, match=message):
-        main(["match", *arguments])

@@ -33,7 +33,8 @@ from billiards_env.engine.shots import Shots, empty_shots, start_fields
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
-from billiards_env.physics.geometry.outline_walls import (
+from billiards_env.physics.geometry.pockets import distance_from, pocket_at
+from billiards_env.physics.geometry.walls import (
     BEGIN_TX,
     BEGIN_TY,
     END_TX,
@@ -49,7 +50,6 @@ from billiards_env.physics.geometry.outline_walls import (
     TX,
     TY,
 )
-from billiards_env.physics.geometry.pockets import distance_from, pocket_at
 from billiards_env.physics.laws.cloth import spin_after
 from billiards_env.physics.motion import motion_after, slip_after
 from billiards_env.physics.state import (
@@ -148,14 +148,6 @@ def beyond_outline(x, y, radius, outline):
 
 
 @kernel
-def _outside(x, y, radius, numbers, outline):
-    """Returns the distance by which a ball at (x, y) is beyond a cushion, m; negative if it is beyond none."""
-    if outline is None:
-        return max(abs(x) - (numbers.half_length - radius), abs(y) - (numbers.half_width - radius))
-    return beyond_outline(x, y, radius, outline)
-
-
-@inlined
 def _distance_to(px, py, x, y, above, pockets):
     """Returns the distance of a ball from a point of a nose, m; infinite in a pocket, where there is no nose."""
     for k in range(len(pockets)):
@@ -165,14 +157,11 @@ def _distance_to(px, py, x, y, above, pockets):
 
 
 @kernel
-def _nose_distance(outline, x, y, above, inset, numbers, pockets):
+def _nose_distance(x, y, above, inset, outline, pockets):
     """Returns the distance of a ball from the nearest nose, m; `above` is its height above the noses.
 
     The ends of the noses at pockets and the noses behind the ball do not count.
     """
-    if outline is None:
-        px, py = math.copysign(numbers.half_length - inset, x), math.copysign(numbers.half_width - inset, y)
-        return min(_distance_to(px, y, x, y, above, pockets), _distance_to(x, py, x, y, above, pockets))
     nearest = math.inf
     for line in outline.lines:
         dx, dy = x - line[LINE_X], y - line[LINE_Y]
@@ -197,8 +186,8 @@ def _beyond_noses(flight, x, y, z, radius, scene):
     height = scene.numbers.cushion_height - radius
     inset, beyond = radius - math.sqrt(radius * radius - height * height), -math.inf
     if pocket_at(scene.pockets, x, y, 1.0) < 0:
-        beyond = _outside(x, y, inset, scene.numbers, scene.outline)
-    apart = _nose_distance(scene.outline, x, y, z - height, inset, scene.numbers, scene.pockets)
+        beyond = beyond_outline(x, y, inset, scene.outline)
+    apart = _nose_distance(x, y, z - height, inset, scene.outline, scene.pockets)
     return max(beyond, radius - apart)
 
 
@@ -218,7 +207,7 @@ def _check_positions(now, state, scene, places, findings):
         else:
             if z != 0.0 or vz != 0.0:
                 findings[BROKEN] = 1.0
-            out = _outside(x, y, radius[i], numbers, scene.outline)
+            out = beyond_outline(x, y, radius[i], scene.outline)
             for k in range(len(pockets)):
                 out = max(out, -distance_from(pockets[k], x, y))
         findings[OUTSIDE] = max(findings[OUTSIDE], out)
