@@ -10,8 +10,8 @@ RLLIB := .venv-rllib/.installed
 TOOLS := .venv-tools/.installed
 PYTHONS := 3.10 3.11 3.12 3.13 3.14 3.15
 # What continuous integration runs. docs and smoke come first, because tests use the page and the simulators.
-CI := docs smoke test slow tools rllib web dist pythons
-# make ci WITHOUT=web: no browser is installed.
+CI := docs smoke test slow tools rllib web dist arm pythons
+# make ci WITHOUT="web arm": no browser and no qemu are installed.
 WITHOUT ?=
 CORE := tests/shots/test_result.py tests/engine/test_reference.py tests/shots/test_batch.py tests/envs/test_billiards.py tests/envs/test_tasks.py tests/test_main.py
 ARGS ?= --players human,search:20
@@ -21,7 +21,7 @@ SPREAD := $(if $(ADDRESS),--address $(ADDRESS))
 WORK := $(if $(ADDRESS),.venv-rllib/bin,$(BIN))
 WORKS := $(if $(ADDRESS),$(RLLIB),$(INSTALLED))
 
-.PHONY: help train play test fast slow pythons tools page web docs dist ci smoke stress lint bench errors results study rllib figures format clean
+.PHONY: help train play test fast slow pythons tools page web docs machines arm dist ci smoke stress lint bench errors results study rllib figures format clean
 
 help:  ## show this list
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 10
@@ -61,6 +61,12 @@ web: page  ## compare the bits of the engines for browsers with Python's
 
 docs: page  ## build the documentation in site/; runs the tutorials, warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
+
+machines: page  ## compare the bits with those of other processors and compilers, emulated (15 minutes on two cores; continues)
+	$(BIN)/python -m benchmarks.machines
+
+arm: $(INSTALLED)  ## compare the bits of two frozen tasks with those of an emulated aarch64
+	$(BIN)/python -m benchmarks.machines --parts aarch64 --only Pot1-v0,Carom-v0 --output build/machines.json
 
 dist: page  ## build the source archive and the wheel in dist/, and try the wheel in an empty environment
 	$(BIN)/python -m benchmarks.release.dist --output build/dist.json

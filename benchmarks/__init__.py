@@ -27,6 +27,7 @@ from tqdm import tqdm
 
 from benchmarks.scenes import SCENES
 from billiards_env.commands import Job, Parser, all_jobs, ending
+from billiards_env.doctor import cpu_model
 from billiards_env.scene import register_scene
 from billiards_env.support.checks import Range, integer
 from billiards_env.support.files import check_path, write_atomically, write_json
@@ -51,7 +52,7 @@ def machine() -> dict[str, str | int | float | None]:
     """Returns the processor, the number of cores, the load, and the versions of Python and of packages."""
     load = round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None  # Windows has none
     return {
-        "cpu": _cpu_model(),
+        "cpu": cpu_model(),
         "cores": os.cpu_count() or 1,
         "load_average": load,
         "system": f"{platform.system()} {platform.machine()}",
@@ -300,12 +301,3 @@ def in_turns(calls: Mapping[str, Callable[[], T]], passes: int, job: Job) -> dic
                 with job(name):
                     results[name].append(call())
     return {name: values for name, values in results.items() if len(values) == passes}
-
-
-def _cpu_model() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:  # not Linux
-        lines = []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or "unknown"

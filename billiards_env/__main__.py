@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import importlib.metadata
 import itertools
-import platform
 import secrets
 import shutil
 import signal
@@ -42,9 +40,6 @@ FASTEST = 16.0
 PLAY_PAGE = Path(__file__).with_name("play") / "play.html"
 """The page that `web` opens. `docs.web.build` writes it."""
 
-PACKAGES = ("numpy", "numba", "gymnasium", "pettingzoo", "pygame", "matplotlib", "stable-baselines3", "torch")
-"""The distributions that `version` lists."""
-
 
 def make_parser() -> argparse.ArgumentParser:
     """Returns the parser of the command line."""
@@ -65,7 +60,7 @@ def make_parser() -> argparse.ArgumentParser:
         (_add_replay, replay, "run a saved shot or game again, and show it"),
         (_add_calibrate, calibrate, "fit friction and other constants to tracks of shots"),
         (_add_web, web, "open a page that plays shots in a browser"),
-        (_add_version, version, "print the versions of billiards-env and of the packages that it uses"),
+        (_add_doctor, doctor, "print versions and caches, and compare shots with the published results, bit for bit"),
         (
             _add_cache,
             cache,
@@ -237,8 +232,12 @@ def _add_web(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the page to this .html file, do not open it")
 
 
-def _add_version(parser: argparse.ArgumentParser) -> None:
-    parser.description = "Print the versions of billiards-env, of Python and of the packages that it uses."
+def _add_doctor(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Print what a report of a bug needs: versions, the processor and the compiled code. Then play 100 shots in "
+        "each of some frozen tasks, and compare hashes of the results with the published ones; exit 1 if any differs."
+    )
+    parser.add_argument("--all", action="store_true", help="play all frozen tasks and games; takes minutes")
 
 
 def _add_cache(parser: argparse.ArgumentParser) -> None:
@@ -566,18 +565,18 @@ def web(args: argparse.Namespace) -> None:
         raise RuntimeError("browser = None: expected one that the module webbrowser finds; open the address by hand")
 
 
-def version(_: argparse.Namespace) -> None:
-    """Runs the command `version`."""
-    print(f"billiards-env {__version__}\npython {platform.python_version()} ({platform.platform()})")
-    for name in PACKAGES:
-        try:
-            print(name, importlib.metadata.version(name))
-        except importlib.metadata.PackageNotFoundError:
-            print(name, "is not installed")
+def doctor(args: argparse.Namespace) -> None:
+    """Runs the command `doctor`."""
+    from billiards_env.bench.published import HASHES
+    from billiards_env.doctor import IDS, examine
+
+    if examine(HASHES if args.all else IDS):
+        sys.exit(1)
 
 
 def cache(args: argparse.Namespace) -> None:
     """Runs the command `cache`."""
+    from billiards_env.doctor import content
     from billiards_env.jit.folders import cache_folder
 
     if args.part:
@@ -594,9 +593,7 @@ def cache(args: argparse.Namespace) -> None:
     if current is None:
         return  # `cache_folder` warns
     for folder in sorted(current.parent.glob("kernels-" + "[0-9a-f]" * 16)):
-        files = [path for path in folder.rglob("*") if path.is_file()]
-        note = "" if folder == current else ", of another version"
-        print(f"{folder}: {len(files)} files, {sum(path.stat().st_size for path in files) / 1e6:.1f} MB{note}")
+        print(f"{folder}: {content(folder)}{'' if folder == current else ', of another version'}")
         if args.clear:
             shutil.rmtree(folder)
             print("deleted")

@@ -1,4 +1,3 @@
-import importlib.util
 import json
 import re
 import shlex
@@ -9,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from billiards_env import Scene, simulate, strike
+from billiards_env import Scene, doctor, simulate, strike
 from billiards_env.__main__ import main
+from billiards_env.bench.published import HASHES
 from billiards_env.engine.compile import MODES
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.games import History, Setup, Stroke, custom_opening, opening, records
@@ -30,7 +30,7 @@ def lines(capsys, *arguments):
 
 def test_the_overview_lists_the_commands(capsys):
     printed = "\n".join(lines(capsys))
-    for command in ("play", "simulate", "replay", "calibrate", "web", "version", "cache"):
+    for command in ("play", "simulate", "replay", "calibrate", "web", "doctor", "cache"):
         assert re.search(rf"\n    {command}\s", printed)
 
 
@@ -194,11 +194,29 @@ def test_play_gets_its_arguments(monkeypatch):
     assert calls == [["--rules", "carom", "--players", "human,human"]]
 
 
-def test_version_lists_the_packages(capsys):
-    printed = lines(capsys, "version")
-    assert printed[0].startswith("billiards-env ")
-    assert {"numpy", "numba", "gymnasium"} <= {line.split()[0] for line in printed}
-    assert all(not line.endswith("is not installed") for line in printed if importlib.util.find_spec(line.split()[0]))
+def test_doctor_prints_versions_and_caches_and_compares_shots(capsys, monkeypatch):
+    monkeypatch.setattr(doctor, "IDS", ("Pot1-v0", "Carom-v0"))
+    *facts, pot, carom, verdict = lines(capsys, "doctor")
+    values = dict(re.split(r"\s{2,}", line, maxsplit=1) for line in facts)
+    assert {"billiards-env", "python", "numpy", "numba", "llvmlite", "gymnasium", "processor"} <= set(values)
+    assert values["cache"].endswith(" MB, can be written")
+    assert values["compiler"].startswith("works, ")
+    assert all(re.fullmatch(r"(Pot1|Carom)-v0 +the same bits, \d+\.\d s", line) for line in (pot, carom))
+    assert verdict == "the same bits as the published results"
+
+
+def test_doctor_reports_other_bits_and_a_task_that_fails(capsys, monkeypatch):
+    monkeypatch.setitem(HASHES, "Carom-v0", "0" * 16)
+    monkeypatch.setattr(doctor, "IDS", ("Pot1-v0", "Carom-v0"))
+    with pytest.raises(SystemExit, match="1"):
+        main(["doctor"])
+    *_, carom, verdict = capsys.readouterr().out.splitlines()
+    assert re.search(r"other bits, [0-9a-f]{16} and not 0{16}", carom)
+    assert verdict == "other bits than the published results: Carom-v0"
+    monkeypatch.setattr(doctor, "IDS", ("Pot2-v0", "Pot1-v0"))
+    with pytest.raises(SystemExit, match=r"error: .*Pot2"):
+        main(["doctor"])
+    assert "\nPot1-v0 " in capsys.readouterr().out
 
 
 def test_cache_shows_and_clears_the_compiled_code(capsys, monkeypatch, tmp_path):
@@ -253,7 +271,7 @@ def test_ctrl_c_is_one_line(capsys, monkeypatch):
 
     monkeypatch.setattr("platform.platform", interrupt)
     with pytest.raises(SystemExit, match="130"):
-        main(["version"])
+        main(["doctor"])
     assert capsys.readouterr().err == "\ninterrupted\n"
 
 
@@ -277,7 +295,7 @@ def test_a_closed_pipe_does_not_lose_the_file(tmp_path):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has other pipes")
 def test_a_closed_pipe_is_silent():
-    line = f"{shlex.quote(sys.executable)} -m billiards_env version | true; exit ${{PIPESTATUS[0]}}"
+    line = f"{shlex.quote(sys.executable)} -m billiards_env doctor | true; exit ${{PIPESTATUS[0]}}"
     done = subprocess.run(["bash", "-c", line], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (141, "")
 

@@ -69,11 +69,11 @@ def drawn_layout(episodes: Episodes, k: int) -> DrawnShot:
 
 def drawn_shot(episodes: Episodes, k: int, reward: float, goals: Floats) -> DrawnShot:
     """Returns the last shot of episode k for drawing. `goals` are those of the shot: a new episode may have begun."""
-    shot, model, state = episodes.recorded[k], episodes.model, episodes.state
+    shot, model, state = episodes.state.recorded[k], episodes.model, episodes.state
     number = model.max_shots - state.shots_left[k]
-    speed = math.hypot(*cue_strike(episodes.actions[k], model.scene, model.max_speed).velocity[:2])
-    if episodes.turns is not None:
-        left = f"{model.task}   player {episodes.turns.player[k]}   shot {number} of {model.max_shots}"
+    speed = math.hypot(*cue_strike(state.actions[k], model.scene, model.max_speed).velocity[:2])
+    if state.turns is not None:
+        left = f"{model.task}   player {state.turns.player[k]}   shot {number} of {model.max_shots}"
         return DrawnShot(shot, left, _result_text(episodes, k))
     left = f"{model.task}   shot {number} of {model.max_shots}   {speed:.2f} m/s"
     return DrawnShot(shot, left, f"reward {reward:g}   score {state.score[k]}", _goal_circles(model, goals))
@@ -84,7 +84,7 @@ def _result_text(episodes: Episodes, k: int) -> str:
 
     A player of eight ball has a group of balls.
     """
-    turns, setup = episodes.turns, episodes.model.setup
+    turns, setup = episodes.state.turns, episodes.model.setup
     assert turns is not None
     assert setup is not None
     parts = [FOULS[turns.foul[k]].replace("_", " ")] if turns.foul[k] else []

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,13 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.engine.compile import cached_by_scene
 from billiards_env.engine.strikes import strike_with
-from billiards_env.games.entry import Game, no_see
+from billiards_env.games.entry import no_see
 from billiards_env.games.facts import facts_of_shots
 from billiards_env.games.game_state import CALL, STATE, VERDICT, members
 from billiards_env.games.placement import PlacementNumbers
 from billiards_env.games.playing import NO_CALL, Call, GameState, PlayedShot, Setup
 from billiards_env.games.referee import callable_balls, judge_shots
-from billiards_env.jit import specialised
+from billiards_env.jit import entry_point
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate_batch
 from billiards_env.support.checks import numbers
@@ -102,7 +100,7 @@ def play_batch(
     positions = np.repeat(game.positions[None], m, axis=0)
     positions[:, balls] = batch.positions
     if rules.see is not no_see:
-        _seeing(rules)(setup.placement_table, positions, states, facts, called)
+        _see_shots(rules.see, setup.placement_table, positions, states, facts, called)
     states, verdicts = judge_shots(setup.rules, states.repeat(m), facts, called)
     if verdicts["spotted"].any():
         spots = layouts.layout_plan(rules.layouts[0], setup.scene).spots if rules.has_spots else None
@@ -130,18 +128,11 @@ def best_call(setup: Setup, state: Any, played: PlayedShot) -> Call:
     return next((Call(ball, pocket) for ball, pocket in played.pots if ball in scores), NO_CALL)
 
 
-see = no_see  # `specialised` puts that of each game in its place
-
-
-def _see_shots(table, positions, states, facts, calls):  # out: facts
+@entry_point
+def _see_shots(see, table, positions, states, facts, calls):  # out: facts
     """Writes the facts of m shots from one state, (1,), that need the positions after them, see `Game.see`."""
     for k in range(len(facts)):
         facts[k].hidden = see(PlacementNumbers(*table), positions[k], states[0], facts[k], calls[k]).hidden
-
-
-@functools.cache
-def _seeing(rules: Game) -> Callable[..., Any]:
-    return specialised(_see_shots, see=rules.see)
 
 
 @cached_by_scene

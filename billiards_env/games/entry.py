@@ -53,6 +53,19 @@ def no_rerack(table, positions, state):
     """Leaves the balls: no call sets them up again (`Game.rerack`)."""
 
 
+class Rules(NamedTuple):
+    """The kernels of a game, an argument of the kernels of a turn. `Game` describes them."""
+
+    judge: Kernel
+    legal: Kernel
+    spot: Kernel
+    rack: Kernel
+    free_ball: Kernel
+    see: Kernel
+    look: Kernel
+    rerack: Kernel
+
+
 class Game(NamedTuple):
     """A game.
 
@@ -131,3 +144,8 @@ class Game(NamedTuple):
     look: Kernel = no_look
     rerack: Kernel = no_rerack
     has_innings: bool = False
+
+    @property
+    def kernels(self) -> Rules:
+        """The kernels."""
+        return Rules(*(getattr(self, name) for name in Rules._fields))

@@ -45,7 +45,7 @@ from billiards_env.games.game_state import (
 )
 from billiards_env.games.placement import cue_ball_point
 from billiards_env.games.referee import GAMES, callable_balls, first_state, legal_balls
-from billiards_env.games.transition import call_without_shots_of, look_at_games_of, next_games, table_of
+from billiards_env.games.transition import call_without_shots, look_at_games, next_games, table_of
 from billiards_env.jit import kernels_of
 from billiards_env.scene import Scene, check_ends_on_cloth, check_positions, check_scene, layouts
 from billiards_env.scene.outline import Point
@@ -420,7 +420,7 @@ def _looked_at(setup: Setup, positions: NDArray[np.float64], state: Any) -> Any:
     states = np.array([state], STATE)
     if setup.game_rules.look is not no_look:
         with kernels_of(f"rules = {setup.rules!r}"):
-            look_at_games_of(setup.game_rules)(setup.placement_table, positions[None], states)
+            look_at_games(setup.game_rules.kernels, setup.placement_table, positions[None], states)
     return states[0]
 
 
@@ -477,7 +477,7 @@ def _without_shot(setup: Setup, game: GameState, call: Call) -> GameState:
     now, before = ((one.positions[None].copy(), np.array([one.state], STATE)) for one in (game, game.before or game))
     calls = np.array([row(Called(kind=CALLS.index(call.kind)))], CALL)
     with kernels_of(f"rules = {setup.rules!r}"):
-        call_without_shots_of(setup.game_rules)(setup.placement_table, calls, *now, before)
+        call_without_shots(setup.game_rules.kernels, setup.placement_table, calls, *now, before)
     (positions,), (state,) = now
     return GameState(positions, state)
 

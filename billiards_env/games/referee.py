@@ -7,7 +7,6 @@ the referee, places the balls that return to the table, and then looks at the ba
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -34,7 +33,7 @@ from billiards_env.games.game_state import (
     set_of,
     write_verdict,
 )
-from billiards_env.jit import inlined, kernels_of, specialised
+from billiards_env.jit import entry_point, inlined, kernels_of
 from billiards_env.support.checks import Range, add_entry, entry_of, one_of, sequence
 
 FAMILIES = pool, one_pocket, bank_pool, blackball, snooker, carom
@@ -144,7 +143,7 @@ def judge_shots(
     check_indices(states)
     following, verdicts = states.copy(), np.zeros(len(states), VERDICT)
     with kernels_of(f"game = {game!r}"):
-        _judging(kernel)(following, facts, calls, verdicts)
+        _judge_shots(kernel, following, facts, calls, verdicts)
     return following, verdicts
 
 
@@ -195,17 +194,16 @@ def callable_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) 
     return _balls(game, kernel, states, players)
 
 
-judge, legal = pool.straight, pool.any_ball  # `specialised` puts the kernels of each game in their place
-
-
-def _judge_shots(states, facts, calls, verdicts):
+@entry_point
+def _judge_shots(judge, states, facts, calls, verdicts):  # out: states, verdicts
     for k in range(len(states)):
         write_verdict(judged(judge, states[k], facts[k], calls[k]), verdicts[k])
 
 
-def _write_legal_balls(states, players, balls):
+@entry_point
+def _write_balls(kernel, states, players, balls):  # out: balls
     for k in range(len(states)):
-        balls[k] = legal(states[k], players[k])
+        balls[k] = kernel(states[k], players[k])
 
 
 def _balls(
@@ -213,15 +211,5 @@ def _balls(
 ) -> NDArray[np.int64]:
     balls = np.empty(len(states), np.int64)
     with kernels_of(f"game = {game!r}"):
-        _finding(kernel)(states, players, balls)
+        _write_balls(kernel, states, players, balls)
     return balls
-
-
-@functools.cache
-def _judging(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    return specialised(_judge_shots, judge=kernel)
-
-
-@functools.cache
-def _finding(kernel: Callable[..., Any]) -> Callable[..., Any]:
-    return specialised(_write_legal_balls, legal=kernel)

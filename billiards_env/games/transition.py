@@ -1,20 +1,18 @@
 """The transition of a game: from a shot, or from a call without a shot, to the state before the next shot.
 
 After a shot the referee judges it, balls return to the table, and the rules look at the balls at rest: snooker may give
-a free ball, and balls may touch. `after_shot_of` returns the kernel of a game. It has only the code that the game
-needs, and changes one game in place: `positions`, (n, 2) m, and `state`, a row of `STATE`.
+a free ball, and balls may touch. The kernels change one game in place: `positions`, (n, 2) m, and `state`, a row of
+`STATE`. Their argument `rules`, the `entry.Rules` of the game, chooses the code.
 """
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.games.entry import Game, no_free_ball, no_look, no_rack, no_rerack, no_see, no_spots
+from billiards_env.games.entry import Game, no_rack, no_rerack
 from billiards_env.games.game_state import (
     BREAK_AGAIN,
     HAND_BACK,
@@ -30,22 +28,20 @@ from billiards_env.games.game_state import (
     write_verdict,
 )
 from billiards_env.games.placement import PlacementNumbers, no_room, placement_area, placement_numbers
-from billiards_env.games.pool import any_ball, straight
 from billiards_env.games.referee import judged
-from billiards_env.jit import inlined, specialised
+from billiards_env.jit import entry_point, inlined
 from billiards_env.physics.state import X, Y
 from billiards_env.scene import Scene
 
-judge, legal = straight, any_ball  # `specialised` puts the kernels of each game in their place
-spot, rack, free_ball, see, look, rerack = no_spots, no_rack, no_free_ball, no_see, no_look, no_rerack
 
-
-def after_shot(table, positions, state, facts, call):  # out: positions, state
+@inlined
+def after_shot(rules, table, positions, state, facts, call):  # out: positions, state
     """Judges a shot, and changes the positions and the state after it to those before the next shot.
 
     Spotted balls and new racks are placed. A potted cue ball keeps its position, and is in hand.
 
     Args:
+        rules: The `entry.Rules` of the game.
         table: The `PlacementNumbers` of `table_of`.
         positions: (n, 2) m, after the shot, which change.
         state: Row of `STATE` before the shot, which changes.
@@ -56,40 +52,26 @@ def after_shot(table, positions, state, facts, call):  # out: positions, state
         The `Verdict`, and a ball for which there is no room on the table, or -1.
     """
     cue, others = state.cue_balls[0], state.object_balls & ~(facts.potted | facts.driven_off)
-    verdict = judged(judge, state, see(table, positions, state, facts, call), call)
+    verdict = judged(rules.judge, state, rules.see(table, positions, state, facts, call), call)
     in_play = others if state.in_hand != NOT_IN_HAND else others | 1 << cue  # a cue ball in hand does not block a spot
-    failed = spot(table, positions, verdict.spotted, in_play, cue)
+    failed = rules.spot(table, positions, verdict.spotted, in_play, cue)
     if verdict.rack == RERACK_REST:
-        state.in_hand = rack(table, positions, others, cue)
+        state.in_hand = rules.rack(table, positions, others, cue)
     elif verdict.rack != NO_RERACK:
-        rack(table, positions, 0, state.cue_balls[0])
+        rules.rack(table, positions, 0, state.cue_balls[0])
     if verdict.foul != NO_FOUL and not state.over:
-        state.free_ball = free_ball(table, positions, state, legal(state, state.player))
+        state.free_ball = rules.free_ball(table, positions, state, rules.legal(state, state.player))
     if not state.over:
-        look(table, positions, state)
+        rules.look(table, positions, state)
     return verdict, failed
 
 
-@functools.cache
-def after_shot_of(rules: Game) -> Callable[..., Any]:
-    """Returns the kernel `after_shot` of a game."""
-    return specialised(
-        after_shot,
-        inlined,
-        judge=rules.judge,
-        legal=rules.legal,
-        spot=rules.spot,
-        rack=rules.rack,
-        free_ball=rules.free_ball,
-        see=rules.see,
-        look=rules.look,
-    )
-
-
-def without_shot(table, k, call, positions, states, before):  # out: positions, states, before
+@inlined
+def without_shot(rules, table, k, call, positions, states, before):  # out: positions, states, before
     """Changes game k after a call without a shot, one of `game_state.NO_SHOT`.
 
     Args:
+        rules: The `entry.Rules` of the game.
         table: The `PlacementNumbers` of `table_of`.
         k: The game.
         call: `Called`, or a row of `CALL`.
@@ -101,7 +83,7 @@ def without_shot(table, k, call, positions, states, before):  # out: positions, 
     state = states[k]
     if call.kind != REPLACE:
         if call.kind != HAND_BACK:
-            rerack(table, positions[k], state)
+            rules.rerack(table, positions[k], state)
         if call.kind == HAND_BACK or call.kind == BREAK_AGAIN:
             state.player = (state.player - 1) % state.n_players
         elif call.kind == STALEMATE:
@@ -118,53 +100,32 @@ def without_shot(table, k, call, positions, states, before):  # out: positions, 
         for i in range(positions.shape[1]):
             positions[k, i, X], positions[k, i, Y] = positions_before[k, i, X], positions_before[k, i, Y]
     state.choices = 0
-    look(table, positions[k], state)
+    rules.look(table, positions[k], state)
 
 
-@functools.cache
-def without_shot_of(rules: Game) -> Callable[..., Any]:
-    """Returns the kernel `without_shot` of a game."""
-    return specialised(without_shot, inlined, look=rules.look, rerack=rules.rerack)
-
-
-def look_at_games(table, positions, states):  # out: states
+@entry_point
+def look_at_games(rules, table, positions, states):  # out: states
     """Runs `Game.look` for m games."""
     for k in range(len(states)):
-        look(PlacementNumbers(*table), positions[k], states[k])
+        rules.look(PlacementNumbers(*table), positions[k], states[k])
 
 
-@functools.cache
-def look_at_games_of(rules: Game) -> Callable[..., Any]:
-    """Returns the entry point `look_at_games` of a game."""
-    return specialised(look_at_games, look=rules.look)
-
-
-def finish_shots(table, positions, states, facts, calls, verdicts):  # out: positions, states, verdicts
+@entry_point
+def finish_shots(rules, table, positions, states, facts, calls, verdicts):  # out: positions, states, verdicts
     """Runs `after_shot` for m games. Returns a ball for which there is no room on the table of a game, or -1."""
     failed = -1
     for k in range(len(states)):
-        verdict, without_room = after_shot(PlacementNumbers(*table), positions[k], states[k], facts[k], calls[k])
+        verdict, without_room = after_shot(rules, PlacementNumbers(*table), positions[k], states[k], facts[k], calls[k])
         failed = max(failed, without_room)
         write_verdict(verdict, verdicts[k])
     return failed
 
 
-@functools.cache
-def finish_shots_of(rules: Game) -> Callable[..., int]:
-    """Returns the entry point `finish_shots` of a game."""
-    return specialised(finish_shots, after_shot=after_shot_of(rules))
-
-
-def call_without_shots(table, calls, positions, states, before):
+@entry_point
+def call_without_shots(rules, table, calls, positions, states, before):
     """Runs `without_shot` for m games."""
     for k in range(len(states)):
-        without_shot(PlacementNumbers(*table), k, calls[k], positions, states, before)
-
-
-@functools.cache
-def call_without_shots_of(rules: Game) -> Callable[..., Any]:
-    """Returns the entry point `call_without_shots` of a game."""
-    return specialised(call_without_shots, without_shot=without_shot_of(rules))
+        without_shot(rules, PlacementNumbers(*table), k, calls[k], positions, states, before)
 
 
 def table_of(rules: Game, scene: Scene, target: int, rack: str = "") -> tuple[Any, ...]:
@@ -224,7 +185,7 @@ def next_games(
     check_indices(states, scene.n_balls)
     table = table_of(rules, scene, states["target"].max(initial=0))
     positions, states, verdicts = np.array(positions), states.copy(), np.zeros(len(states), VERDICT)
-    failed = finish_shots_of(rules)(table, positions, states, facts, calls, verdicts)
+    failed = finish_shots(rules.kernels, table, positions, states, facts, calls, verdicts)
     if failed >= 0:
         raise no_room(placement_area(scene, failed, False))
     return positions, states, verdicts

@@ -11,19 +11,17 @@ from billiards_env.jit.decorators import (
     kernels_of,
     specialised,
 )
-from billiards_env.jit.kept import address_of, kept, moved
+from billiards_env.jit.room import room_for
 
 __all__ = [
     "Typed",
-    "address_of",
     "allocating",
     "allocating_entry_point",
     "entry_point",
     "expanded",
     "inlined",
-    "kept",
     "kernel",
     "kernels_of",
-    "moved",
+    "room_for",
     "specialised",
 ]

@@ -13,19 +13,18 @@ import sys
 import threading
 from typing import Any
 
-from numba.core.boxing import unbox_tuple
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, DefaultPassBuilder
+from numba.core.datamodel.models import OpaqueModel
 from numba.core.errors import TypingError
-from numba.core.pythonapi import _unboxers
+from numba.core.imputils import lower_constant
 from numba.core.registry import CPUDispatcher
 from numba.core.targetconfig import ConfigStack
 from numba.core.typed_passes import NopythonRewrites
-from numba.core.types import BaseTuple, unliteral
+from numba.core.types import Dispatcher, unliteral
 from numba.core.types.functions import BaseFunction
 from numba.core.untyped_passes import InlineClosureLikes, LiteralPropagationSubPipelinePass, LiteralUnroll, WithLifting
-
-from billiards_env.jit.kept import unpack_or_read
+from numba.extending import register_model
 
 LONG = 2.0  # s; each compilation that takes longer prints a message
 
@@ -39,7 +38,8 @@ _resolve: Any = BaseFunction.get_call_type
 def _resolve_once(self: Any, context: Any, args: Any, kws: Any) -> Any:
     """Returns the signature of a call of one of numba's functions, such as the sum of two floats.
 
-    Numba tries ten implementations for each call in the source. Without this memory compiling takes 1.15 times as long.
+    Numba tries ten implementations for each call in the source. Without this memory a cold start is 1.15 times as
+    long.
     """
     flags = ConfigStack.top_or_none()
     key = self, context, tuple(args), tuple(kws.items()), flags is not None and flags.nrt
@@ -107,15 +107,29 @@ class ShortCompiler(Compiler):
         timer.start()
         resolve: Any = BaseFunction.get_call_type
         BaseFunction.get_call_type = _resolve_once  # only here, where numba's lock is held
-        _unboxers.functions[BaseTuple] = unpack_or_read
         try:
             return super().compile_extra(func)
         finally:
             BaseFunction.get_call_type = resolve
-            _unboxers.functions[BaseTuple] = unbox_tuple
             timer.cancel()
             if collects:
                 gc.enable()
+
+
+class _GlobalKernel(Dispatcher):
+    """The type of a kernel as a global name of its callers, without data.
+
+    Numba's own type has the address of an object in this process, which the code in a file must not contain. Calls do
+    not read it, but LLVM removes it only if it optimises, with `NUMBA_OPT` above 0.
+    """
+
+
+register_model(_GlobalKernel)(OpaqueModel)
+
+
+@lower_constant(_GlobalKernel)
+def _empty(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    return context.get_dummy_value()
 
 
 class Kernel(CPUDispatcher):
@@ -126,6 +140,10 @@ class Kernel(CPUDispatcher):
 
     def __init__(self, py_func: Any, locals: Any, targetoptions: Any) -> None:
         super().__init__(py_func, locals, {**targetoptions, "no_cpython_wrapper": True}, ShortCompiler)
+
+    @property
+    def _numba_type_(self) -> _GlobalKernel:
+        return _GlobalKernel(self)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """Compiles the function for a call, once for all constants of a type. Without this, compiling takes 4% longer.

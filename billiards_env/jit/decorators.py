@@ -45,7 +45,7 @@ class _Locator(UserProvidedCacheLocator):
     """
 
     def __init__(self, py_func: Any, py_file: str) -> None:
-        self._hash = code_hash(py_func)
+        self._hash, self._py_file = code_hash(py_func), py_file  # numba's warnings name the file
         self._cache_path = os.path.join(_FOLDER or "", py_func.__module__.rpartition(".")[0])
 
     def get_source_stamp(self) -> bytes:
@@ -129,7 +129,7 @@ class EntryPoint(CPUDispatcher):
 
 
 class Typed:
-    """An entry point whose arguments have the same types at each call. Tuples may be those of `kept`.
+    """An entry point whose arguments have the same types at each call.
 
     Numba finds the machine code by the types of the arguments, which takes 40 ns for each array in a tuple. This class
     looks up the code only in the first call. It does not check the types of later arguments.

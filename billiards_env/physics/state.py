@@ -144,47 +144,59 @@ LawNumbers: Any = namedtuple("LawNumbers", (*LAW_NUMBERS, "motion", "cushion_rub
 """What the laws read of `Numbers`; also a change of it."""
 
 
+class SceneKernels(NamedTuple):
+    """The kernels of a scene: the first argument of the entry points. Numba compiles only these kernels.
+
+    Attributes:
+        laws: The `laws.tables.Laws` of impacts.
+        walls: The `geometry.walls.Walls` of the table.
+    """
+
+    laws: Any
+    walls: Any
+
+
 class SceneArrays(NamedTuple):
-    """A scene of n balls.
+    """A scene of n balls: its numbers, its arrays, and its `SceneKernels`.
 
     Attributes:
         numbers: The `Numbers`.
         radius: (n,) float64, m.
         inv_mass: (n,) float64, 1/kg; 0 for a fixed ball.
         pockets: (k, 3) float64, a row of `Table.pocket_rows` for each pocket, see `geometry.pockets`.
-        outline: The `outline_walls.Outline`; None for a rectangle.
+        outline: The `geometry.walls.Outline`: the cushions.
         spheres: (n,) float64, the radii of spheres of different size or with flight, m; None if all normals are
             horizontal: for disks and for equal balls.
-        ball_restitution: The restitution of two balls: a `tables.choice` of `tables.RESTITUTIONS`.
-        ball_friction: Their friction: a choice of `tables.FRICTIONS`; None for balls without friction.
-        cushion: The law of the cushions: a choice of `tables.CUSHION_LAWS`.
         flight: The `noses.Noses` if balls leave the cloth, otherwise None.
         scatter: The fields of `scatter.Scatter` of all shots; None for cushions without scatter.
+        laws, walls: The fields of `SceneKernels`.
 
     Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
     argument begins with `if field is None`.
 
-    The argument `scene` of an entry point has the fields as a plain tuple, which numba unpacks in half the time. Its
-    first field is an array of records of `NUMBERS`, one for all shots or one for each shot; see `scene_of`.
+    The argument `scene` of an entry point has the fields without the kernels, as a plain tuple, which numba unpacks in
+    half the time. Its first field is an array of records of `NUMBERS`, one for all shots or one for each shot; see
+    `scene_of`.
     """
 
     numbers: Any
     radius: Floats
     inv_mass: Floats
     pockets: Floats
-    outline: Any = None
+    outline: Any
     spheres: Any = None
-    ball_restitution: Any = ()
-    ball_friction: Any = None
-    cushion: Any = ()
     flight: Any = None
     scatter: Any = None
+    laws: Any = None
+    walls: Any = None
 
 
 @expanded
-def scene_of(scene, k):
-    """Returns the `SceneArrays` of shot k from the argument `scene` of an entry point."""
-    return SceneArrays(scene[0][min(k, len(scene[0]) - 1)], *scene[1:])
+def scene_of(kernels, scene, k):
+    """Returns the `SceneArrays` of shot k from the arguments `kernels` and `scene` of an entry point."""
+    return SceneArrays(
+        scene[0][min(k, len(scene[0]) - 1)], *scene[1:], *kernels[:]
+    )  # numba does not append a NamedTuple
 
 
 @inlined
@@ -282,16 +294,37 @@ def moves(state, i):
     return state.phase[i] >= ROLLING and state.phase[i] != POTTED
 
 
-def _reader(sources: str) -> Any:
-    """Returns a kernel that makes `LawNumbers` of the expressions for their fields.
+@inlined
+def law_numbers_of(numbers):
+    """Returns the `LawNumbers` of `Numbers` or of their record."""
+    return LawNumbers(
+        slide=numbers.slide,
+        roll=numbers.roll,
+        roll_gain=numbers.roll_gain,
+        spin_decay=numbers.spin_decay,
+        mu_limit=numbers.mu_limit,
+        mu_drop=numbers.mu_drop,
+        mu_rate=numbers.mu_rate,
+        e_ball=numbers.e_ball,
+        mu_cloth=numbers.mu_cloth,
+        cushion_height=numbers.cushion_height,
+        e_cushion=numbers.e_cushion,
+        mu_cushion=numbers.mu_cushion,
+        cushion_frequency_ratio=numbers.cushion_frequency_ratio,
+        e_cushion_loss=numbers.e_cushion_loss,
+        e_cushion_onset=numbers.e_cushion_onset,
+        e_cushion_floor=numbers.e_cushion_floor,
+        e_cushion_topspin=numbers.e_cushion_topspin,
+        e_cushion_tangent=numbers.e_cushion_tangent,
+        e_cushion_slip=numbers.e_cushion_slip,
+        motion=numbers.motion,
+        cushion_rubs=numbers.cushion_rubs,
+    )
 
-    Numba compiles a recursion over the names, with `getattr`, in 13 s instead of 0.7 s.
-    """
-    return inlined(eval(f"lambda numbers: LawNumbers({sources})"))
 
-
-law_numbers_of = _reader(", ".join(f"numbers.{name}" for name in LawNumbers._fields))
-"""Returns the `LawNumbers` of `Numbers` or of their record."""
-
-law_changes = _reader(", ".join(f"numbers[{k}]" for k in range(len(LAW_NUMBERS))) + ", 0.0, 0.0")
-"""Returns the change of `LawNumbers` that an array with the changes of `LAW_NUMBERS` contains."""
+@inlined
+def law_changes(d):
+    """Returns the change of `LawNumbers` that an array with the changes of `LAW_NUMBERS` contains."""
+    cloth, balls = (d[0], d[1], d[2], d[3]), (d[4], d[5], d[6], d[7])
+    cushion = d[8], d[9], d[10], d[11], d[12], d[13], d[14], d[15], d[16], d[17], d[18]
+    return LawNumbers(*cloth, *balls, *cushion, 0.0, 0.0)

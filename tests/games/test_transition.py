@@ -6,7 +6,7 @@ import pytest
 from billiards_env.games import CALL, FACTS, GAMES, STATE, opening
 from billiards_env.games.game_state import CALLS, Called, RulesState, changed, row
 from billiards_env.games.playing import opening_state
-from billiards_env.games.transition import call_without_shots_of, next_games
+from billiards_env.games.transition import call_without_shots, next_games
 from tests.helpers.games import setup
 
 COUNT = 40
@@ -45,7 +45,7 @@ def test_calls_without_a_shot():
     positions, states = now.copy(), np.array([state] * 2, STATE)
     rules, table = GAMES["snooker"], setup("snooker").placement_table
     states["object_balls"] = 0  # no ball touches
-    call_without_shots_of(rules)(table, calls, positions, states, (old, np.array([before] * 2, STATE)))
+    call_without_shots(rules.kernels, table, calls, positions, states, (old, np.array([before] * 2, STATE)))
     assert positions.tolist() == [now[0].tolist(), old[1].tolist()]
     assert states[0] == changed(state, player=1, choices=0, free_ball=False)
     assert states[1] == changed(before, scores=state.scores, fouls=state.fouls, choices=0)

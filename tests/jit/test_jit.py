@@ -1,3 +1,4 @@
+import ctypes
 import pickle
 import shutil
 import sys
@@ -8,7 +9,7 @@ import gymnasium as gym
 import numba
 import numpy as np
 import pytest
-from numba.core.errors import TypingError
+from numba.core.errors import NumbaWarning, TypingError
 
 from billiards_env.jit import compiler, folders
 from billiards_env.jit import decorators as jit
@@ -108,6 +109,34 @@ def test_processes_share_a_cache_and_load_its_code_without_a_message(tmp_path):
     assert len(files) == 2
     assert run(*command, NUMBA_CACHE_DIR=str(folder)) == ("1\n", "")
     assert {path.name: path.stat().st_mtime_ns for path in folder.glob("kernels-*/**/*.nb[ci]")} == files
+
+
+CALLS = """
+from billiards_env.jit import compiler, decorators as jit
+compiler.LONG = 300.0
+@jit.kernel
+def half(x):
+    return x / 2
+@jit.entry_point
+def quarter(x):
+    return half(half(x))
+assert quarter(8.0) == 2.0
+print(sum(quarter.stats.cache_hits.values()))
+"""
+
+
+def test_code_without_optimisation_is_cached(tmp_path):
+    (tmp_path / "calls.py").write_text(CALLS)
+    variables = {"NUMBA_OPT": "0", "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    assert [run(str(tmp_path / "calls.py"), **variables) for _ in range(2)] == [("0\n", ""), ("1\n", "")]
+
+
+def test_code_with_an_address_of_the_process_is_not_cached(cache):
+    address = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(abs)
+    function = jit.entry_point(lambda x: address(x))
+    with pytest.warns(NumbaWarning, match="as it uses dynamic globals"):
+        assert function(-3.0) == 3.0
+    assert not list(cache.rglob("*.nbc"))
 
 
 @pytest.mark.parametrize("suffix", ["nbi", "nbc"])

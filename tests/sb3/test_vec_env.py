@@ -11,7 +11,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize, VecVideoRecorder
 
-from billiards_env.envs import Opponents, make_vector_env
+from billiards_env.envs import BilliardsVectorEnv, Opponents, make_vector_env
 from billiards_env.sb3.vec_env import SameStepVecEnv
 from tests.helpers.environments import SOFT
 
@@ -24,9 +24,10 @@ def pair(num_envs, **kwargs) -> tuple[Any, Any]:
     return SameStepVecEnv(native), DummyVecEnv([lambda: gym.make("Billiards-v0", **kwargs)] * num_envs)
 
 
-def test_the_error_for_the_vector_environment_itself_names_the_adapter():
-    with pytest.raises(ValueError, match=r"billiards_env\.sb3\.SameStepVecEnv"):
+def test_the_docstring_of_the_class_in_the_error_for_the_vector_environment_itself_names_the_adapter():
+    with pytest.raises(ValueError, match=r"BilliardsVectorEnv"):
         PPO("MlpPolicy", cast(Any, gym.make_vec("Billiards-v0", num_envs=2)))
+    assert "`billiards_env.sb3.SameStepVecEnv(envs)`" in (BilliardsVectorEnv.__doc__ or "")
 
 
 @pytest.mark.parametrize("kwargs", [{}, SOFT], ids=["one shot", "three shots"])

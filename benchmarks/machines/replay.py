@@ -1,0 +1,246 @@
+"""Compiles recorded functions for another processor, and runs their calls there, emulated by qemu.
+
+LLVM compiles the code that `record` writes, and a cross compiler of Debian links it with `replay.c`. No Python runs on
+the other processor, so any target of LLVM can be compared.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import pickle
+import re
+import shutil
+import struct
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import llvmlite.binding as llvm
+import numpy as np
+
+from benchmarks.machines.record import Call, Value, dtype_of
+
+HERE = Path(__file__).resolve().parent
+MASK = 2**64 - 1
+
+
+class Target(NamedTuple):
+    """A processor, as LLVM, the cross compiler and qemu name it.
+
+    Attributes:
+        gcc: The triple of the cross compiler of Debian.
+        qemu: The name in the program of qemu.
+        triple: The triple of LLVM.
+        cpu: The processor of LLVM.
+        options: Other options of the target machine of LLVM.
+        big: Whether the byte order is big-endian.
+    """
+
+    gcc: str
+    qemu: str
+    triple: str
+    cpu: str = ""
+    options: Mapping[str, Any] = MappingProxyType({})
+    big: bool = False
+
+
+TARGETS = {
+    "riscv64": Target(
+        *("riscv64-linux-gnu", "riscv64", "riscv64-unknown-linux-gnu"),
+        options={"features": "+m,+a,+f,+d,+c", "abiname": "lp64d"},
+    ),
+    "s390x": Target("s390x-linux-gnu", "s390x", "s390x-unknown-linux-gnu", "z10", big=True),
+    "powerpc64le": Target("powerpc64le-linux-gnu", "ppc64le", "powerpc64le-unknown-linux-gnu", "ppc64le"),
+    "arm": Target(
+        *("arm-linux-gnueabihf", "arm", "armv7-unknown-linux-gnueabihf", "cortex-a9"),
+        options={"features": "+vfp3,+d32,-neon"},
+    ),
+}
+"""The processors by name; arm has 32 bits."""
+CONTROL = Target("aarch64-linux-gnu", "aarch64", "aarch64-unknown-linux-gnu")
+"""A processor that can fuse a product and a sum."""
+
+
+def tool(name: str, package: str) -> str:
+    """Returns the path of a program.
+
+    Raises:
+        FileNotFoundError: If it is missing; the message names the package of Debian.
+    """
+    path = shutil.which(name)
+    if path is None:
+        raise FileNotFoundError(f"{name}: not found; install it with: apt-get install {package}")
+    return path
+
+
+def emulator(name: str) -> str:
+    """Returns the path of an emulator of qemu."""
+    return tool(f"qemu-{name}-static", "qemu-user-static")
+
+
+def replay(target: Target, folder: Path, work: Path) -> dict[str, int]:
+    """Compiles the functions of a folder of `record` for a target and runs their calls there.
+
+    Args:
+        target: The target. For `CONTROL` LLVM may fuse products and sums, to test whether the comparison detects it.
+        folder: The folder.
+        work: The folder of the compiled code.
+
+    Returns:
+        The numbers of functions, calls and bytes, of those calls and bytes that differ, and of calls that cannot run
+        here: those of kernels, those that raise an exception, and those whose arrays overlap.
+    """
+    qemu, compiler = emulator(target.qemu), tool(f"{target.gcc}-gcc", f"gcc-{target.gcc}")
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    contents, calls = pickle.loads((folder / "calls").read_bytes())
+    numbers = sorted(int(path.stem) for path in (folder / "ir").glob("*.json"))
+    work.mkdir(parents=True, exist_ok=True)
+    objects = []
+    for number in numbers:
+        objects.append(work / f"{number}.o")
+        objects[-1].write_bytes(compiled(folder / "ir", number, target))
+    functions = [f"call_{number}" for number in numbers]
+    declared = "".join(f"int {name}(void *, void *, void *);\n" for name in functions)
+    table = f"int (*const entries[])(void *, void *, void *) = {{{', '.join(functions)}}};\n"
+    (work / "entries.c").write_text(declared + table, encoding="utf-8")
+    program, recorded = work / "replay", work / "calls"
+    sources = HERE / "replay.c", work / "entries.c"
+    subprocess.run([compiler, "-O1", "-static", "-w", *sources, *objects, "-lm", "-o", program], check=True)
+    packed = [row for call in calls if (row := packed_call(call, contents, numbers)) is not None]
+    recorded.write_bytes(pack(packed, target.big))
+    output = subprocess.run([qemu, program, recorded], check=True, capture_output=True, text=True).stdout
+    *differences, result = output.splitlines()
+    print(*differences[:5], sep="\n", end="\n" if differences else "", flush=True)
+    return {"functions": len(numbers), **json.loads(result), "left_out": len(calls) - len(packed)}
+
+
+def compiled(folder: Path, number: int, target: Target) -> bytes:
+    """Returns the object file of a function, with `call_<number>`, which reads its arguments from words."""
+    about = json.loads((folder / f"{number}.json").read_text(encoding="utf-8"))
+    text = (folder / f"{number}.ll").read_text(encoding="utf-8")
+    text = re.sub(r"^target .*$", "", text, flags=re.MULTILINE).replace("= common global", "= internal global")
+    text = text.replace("@sqrt(", "@llvm.sqrt.f64(").replace("@ceil(", "@llvm.ceil.f64(")
+    if target is CONTROL:
+        text = re.sub(r"= f(mul|add|sub) double", r"= f\1 contract double", text)
+    kinds = [str(kind.type) for kind in llvm.parse_assembly(text).get_function(about["function"]).arguments]
+    machine = llvm.Target.from_triple(target.triple).create_target_machine(
+        opt=3, reloc="pic", cpu=target.cpu, **target.options
+    )
+    module = llvm.parse_assembly("\n".join([text, *caller(number, about, kinds)]))
+    module.triple, module.data_layout = target.triple, str(machine.target_data)
+    for function in module.functions:
+        if not function.is_declaration and function.name != f"call_{number}":
+            function.linkage = "internal"
+    passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=2))
+    passes.getModulePassManager().run(module, passes)
+    return machine.emit_object(module)
+
+
+def caller(number: int, about: dict[str, Any], kinds: list[str]) -> Iterator[str]:
+    """Yields the LLVM code of a function that reads arguments from words and writes the result to words."""
+    yield f"define i32 @call_{number}(ptr %slots, ptr %out, ptr %error) {{"
+    yield f"%result = alloca {about['result']}"
+    values = ["ptr %result", "ptr %error"]
+    for k, kind in enumerate(kinds[2:]):
+        yield f"%p{k} = getelementptr i64, ptr %slots, i64 {k}"
+        whole = kind in ("ptr", "i64", "double")
+        yield f"%v{k} = load {kind}, ptr %p{k}" if whole else f"%w{k} = load i64, ptr %p{k}"
+        if not whole:
+            yield f"%v{k} = trunc i64 %w{k} to {kind}"
+        values.append(f"{kind} %v{k}")
+    yield f'%status = call i32 @"{about["function"]}"({", ".join(values)})'
+    yield f"%r = load {about['result']}, ptr %result"
+    for k, (path, kind) in enumerate(about["leaves"]):
+        leaf = f"%l{k}"
+        yield f"{leaf} = extractvalue {about['result']} %r, {', '.join(map(str, path))}" if path else ""
+        leaf = leaf if path else "%r"
+        yield f"%o{k} = getelementptr i64, ptr %out, i64 {k}"
+        if re.fullmatch(r"i\d+", kind) and kind != "i64":
+            yield f"%x{k} = zext {kind} {leaf} to i64"
+            kind, leaf = "i64", f"%x{k}"
+        yield f"store {kind} {leaf}, ptr %o{k}"
+    yield "ret i32 %status"
+    yield "}"
+
+
+Row = tuple[list[int], list[Any], list[Any], list[Any]]
+
+
+def packed_call(call: Call, contents: dict[bytes, bytes], numbers: list[int]) -> Row | None:
+    """Returns a call for `pack`, or None if it cannot run.
+
+    The row is the function, the arrays (kind, content before, content after), the arguments and the results.
+    """
+    if call.number not in numbers or call.error is not None:
+        return None
+    arrays: list[Any] = []
+    places: dict[tuple[int, int], int] = {}
+    after = iter(call.after)
+
+    def index(value: Value) -> int:
+        size, content = len(contents[value.content]), next(after)
+        place = value.address, value.address + size
+        if size == 0 or place not in places:
+            places[place] = len(arrays)
+            arrays.append((dtype_of(value), contents[value.content], contents[content]))
+        return places[place]
+
+    arguments = [(kind, index(x) if kind == 1 else x) for kind, x in words(call.before)]
+    begins = sorted(place for place in places if place[0] < place[1])
+    if any(one[1] > other[0] for one, other in itertools.pairwise(begins)):
+        return None
+    results = [(kind, (dtype_of(x), contents[x.content]) if kind == 1 else x) for kind, x in words(call.result)]
+    return [numbers.index(call.number)], arrays, arguments, results
+
+
+def words(value: Any) -> Iterator[tuple[int, Any]]:
+    """Yields the words of an argument or a result as numba flattens it.
+
+    A word is its kind and value: 0 and a number, 1 and an array, or 2 and 0 for a pointer that is not used.
+    """
+    if not isinstance(value, Value):
+        for item in value:
+            yield from words(item)
+    elif value.kind is not None:
+        item, shape = dtype_of(value).itemsize, value.shape
+        count = [int(np.prod(shape[k:], dtype=np.int64)) for k in range(len(shape) + 1)]
+        yield from ((2, 0), (2, 0), (0, count[0]), (0, item), (1, value))
+        yield from ((0, number) for number in (*shape, *(item * step for step in count[1:])))
+    elif isinstance(value.content, (float, np.floating)):
+        yield 0, struct.unpack("<Q", struct.pack("<d", value.content))[0]
+    elif isinstance(value.content, (bool, int, np.bool_, np.integer)):
+        yield 0, int(value.content) & MASK
+    else:
+        yield 2, 0
+
+
+def pack(rows: Sequence[Row], big: bool) -> bytes:
+    """Returns the file of calls that `replay.c` reads."""
+    head, body, places = [len(rows)], bytearray(), dict[tuple[bytes, str], int]()
+    begin = 8 * (1 + sum(4 + 3 * len(arrays) + 2 * len(used) + 3 * len(results) for _, arrays, used, results in rows))
+
+    def place(kind: Any, content: bytes) -> int:
+        if (content, str(kind)) not in places:
+            body.extend(bytes(-len(body) % 16))
+            places[content, str(kind)] = begin + len(body)
+            body.extend(np.frombuffer(content, kind).byteswap().tobytes() if big else content)
+        return places[content, str(kind)]
+
+    for function, arrays, arguments, results in rows:
+        head += [*function, len(arrays), len(arguments), len(results)]
+        for kind, before, after in arrays:
+            head += [len(before), place(kind, before), place(kind, after)]
+        head += itertools.chain.from_iterable(arguments)
+        for kind, value in results:
+            head += [kind, *((place(*value), len(value[1])) if kind == 1 else (value, 0))]
+    return struct.pack(f"{'>' if big else '<'}{len(head)}Q", *head) + body
+
+
+if __name__ == "__main__":
+    made = Path(sys.argv[2], f"kernels {sys.argv[1]}")
+    print(json.dumps(replay(TARGETS.get(sys.argv[1], CONTROL), Path(sys.argv[2]), made)))
