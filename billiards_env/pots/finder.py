@@ -285,7 +285,7 @@ def _add_shots(table, pots, k, state):
                 continue
             hit = aim.hit
         else:
-            hit = against_throw(table.scene.ball_friction, table, i, straight, speed, state)
+            hit = against_throw(table.scene.laws.friction, table, i, straight, speed, state)
             if cut_cosine(hit) <= 0.0 or meet_before(table, i, hit, speed, row[RUN], state):
                 continue
         shot, possible = pots.shots[k, s], True

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from billiards_env.engine.predictions import meeting_bound
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.ball_ball import impulse_of, push_pair
+from billiards_env.physics.ball_ball import push_pair
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import IMPULSE_ROUNDING, circle_time, contact_distance, distance_to_segment
+from billiards_env.physics.laws.balls import normal_impulse
 from billiards_env.physics.laws.cloth import arrival, spin_after, travel_time
-from billiards_env.physics.laws.tables import restitution_of
 from billiards_env.physics.motion import Path, motion_after
 from billiards_env.physics.state import AX, AY, REST, SLIDING_AND_ROLLING, T0, UX, UY, VX, VY, WZ, SceneArrays, X, Y
 from billiards_env.pots.paths import FAR, LEGS, begin_leg, end_leg, pocket_gap
@@ -114,7 +114,8 @@ def play_hit(table, i, hit, speed, state):
     scene, numbers, cue = table.scene, table.scene.numbers, table.cue
     left, slip = arrival(numbers, hit.approach, speed, table.slip_ratio)
     closing = left * cut_cosine(hit)
-    impulse = impulse_of(scene.ball_restitution, closing, scene.inv_mass[cue], scene.inv_mass[i], numbers)
+    e = scene.laws.restitution(numbers, closing)
+    impulse = normal_impulse(closing, scene.inv_mass[cue], scene.inv_mass[i], e)
     state.rows[cue] = 0.0
     state.rows[i] = 0.0
     row = state.rows[cue]
@@ -130,12 +131,12 @@ def play_hit(table, i, hit, speed, state):
 
 
 @inlined
-def against_throw(ball_friction, table, i, hit, speed, state):
+def against_throw(friction, table, i, hit, speed, state):
     """Returns the `Hit` after which ball i moves in the direction in which it moves without friction after `hit`.
 
-    `ball_friction` is that of `SceneArrays`.
+    `friction` is that of `Laws`.
     """
-    if ball_friction is None:
+    if friction is None:
         return hit
     return _turned_against_throw(table, i, hit, speed, state)
 
@@ -160,7 +161,7 @@ def gain(table, i, hit):
     """Returns the speed of ball i after a fast hit divided by the speed of the cue ball before it."""
     scene, cosine = table.scene, cut_cosine(hit)
     share = scene.inv_mass[i] / (scene.inv_mass[table.cue] + scene.inv_mass[i])
-    e = restitution_of(scene.ball_restitution, scene.numbers, table.max_speed * cosine)
+    e = scene.laws.restitution(scene.numbers, table.max_speed * cosine)
     return share * (1.0 + e) * cosine
 
 
