@@ -98,6 +98,9 @@ def _add_simulate(parser: argparse.ArgumentParser) -> None:
         type=number,
         help="direction of the cue in degrees (in Python: rad) from the x axis (default: to ball 1)",
     )
+    text = "aim at a goal, in place of the options of the cue and the ball: pot:BALL[:POCKET], bank:BALL[:POCKET], "
+    text += "leave:X:Y[:RADIUS], touch:BALL, first_touch:BALL or cushions:LEAST[:BEFORE]; several --goal are possible"
+    add("--goal", action="append", help=text)
     add("--side", type=number, help="offset of the tip to the left, in ball radii (default: 0)")
     add("--top", type=number, help="offset of the tip above the centre, in ball radii (default: 0)")
     add(
@@ -285,6 +288,14 @@ def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tupl
     cue = {name: value for name, value in stroke.items() if value is not None}
     for name in _ANGLES.keys() & cue.keys():
         cue[name] = np.deg2rad(real(f"--{name}", cue[name], _ANGLES[name]))
+    if args.goal:
+        from billiards_env.players import aim as aims
+
+        if other := [name for name in ("velocity", "spin", "speed", *stroke) if getattr(args, name) is not None]:
+            raise ValueError(f"--goal with --{other[0]}: expected only one of them")
+        aimed = aims.aim(scene, positions, [aims.goal_named(text) for text in args.goal])
+        found = "the goals are reached" if aimed.solved else "no shot reaches the goals, the nearest one follows"
+        return aimed.velocity, None, [f"--velocity {' '.join(map(str, aimed.velocity.tolist()))}: {found}"]
     if args.speed is None:
         if cue:
             raise ValueError(f"--{next(iter(cue))} without --speed: expected the speed of the cue")

@@ -69,6 +69,13 @@ def test_simulate_aims_at_ball_1_and_draws_a_layout(capsys):
     assert lines(capsys, "simulate", "--balls", "0")[2] == "  first hit: none"
 
 
+def test_simulate_aims_at_goals(capsys):
+    places = ["--scene", "pool", "--positions", "-0.6", "0", "0.6", "0.3"]
+    note, *shot = lines(capsys, "simulate", *places, "--goal", "bank:1:4", "--goal", "leave:0.3:0.2:0.2")
+    assert note.endswith(": the goals are reached")
+    assert lines(capsys, "simulate", *places, *note.partition(":")[0].split()) == shot
+
+
 def test_simulate_strikes_the_cue_ball_with_a_cue(capsys, tmp_path):
     path = tmp_path / "shot.json"
     places = ["--positions", "-0.635", "0", "0.635", "0.3"]
@@ -338,6 +345,10 @@ ERRORS = [
     ("bench verify", "bench verify without a file"),
     ("bench verify no.json", "path = 'no.json': expected a file of a benchmark, but it does not exist"),
     ("bench nobody --tasks Pot1-v0", "player = 'nobody': expected one of"),
+    ("simulate --goal pott:1", "goal = 'pott': expected one of 'pot'"),
+    ("simulate --goal pot:1:x", "goal = 'pot:1:x': expected numbers, as in 'pot:1:3'"),
+    ("simulate --goal leave:1", "goal = 'leave:1': expected numbers"),
+    ("simulate --goal pot:1 --speed 2", "--goal with --speed: expected only one of them"),
     ("match random", "player = random: expected at least two players"),
     ("match random random", "player = random random: expected at least two players, each once"),
     ("match random aim --rules carm", "rules = 'carm': expected one of"),

@@ -26,7 +26,7 @@ from billiards_env.scene import Scene, check_scene
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import BatchResult, simulate, simulate_batch
 from billiards_env.shots.tables import Tables
-from billiards_env.support.checks import Range, array_of, finite, flag, integer, real, shaped, short
+from billiards_env.support.checks import Range, array_of, finite, flag, integer, one_of, real, shaped, short
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -66,6 +66,11 @@ class Pot:
 
     ball: int
     pocket: int | None = None
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Bank(Pot):
+    """Pots a ball off a cushion: the ball has at least one cushion contact. Those with jaws and tips count."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -112,6 +117,26 @@ class Cushions:
 
 
 Goal = Pot | Leave | Touch | FirstTouch | Cushions
+
+GOALS = {
+    "pot": Pot,
+    "bank": Bank,
+    "leave": lambda x, y, *radius: Leave((x, y), *radius),
+    "touch": Touch,
+    "first_touch": FirstTouch,
+    "cushions": Cushions,
+}
+"""The goals by name."""
+
+
+def goal_named(text: str) -> Goal:
+    """Returns the goal of a text: its name and its numbers, such as "pot:1:3", "leave:0.5:-0.3" or "cushions:3:2"."""
+    name, *values = text.split(":")
+    one_of("goal", name, tuple(GOALS))
+    try:
+        return GOALS[name](*(int(value) if value.isdecimal() else float(value) for value in values))
+    except (TypeError, ValueError):
+        raise ValueError(f"goal = {text!r}: expected numbers, as in 'pot:1:3' or 'leave:0.5:-0.3'") from None
 
 
 def carom_goals(balls: Sequence[int], cushions: int = 0) -> tuple[tuple[Goal, ...], ...]:
@@ -193,7 +218,7 @@ def aim(
     Args:
         scene: Table, balls and physics.
         positions: (n, 2) centres of the balls, m; ball 0 is the cue ball.
-        goals: A goal or several, of `Pot`, `Leave`, `Touch`, `FirstTouch` and `Cushions`.
+        goals: A goal or several, of `Pot`, `Bank`, `Leave`, `Touch`, `FirstTouch` and `Cushions`.
         max_speed: Largest speed of the cue ball, m/s.
         in_play: (n,) bool; by default all balls are in play.
         strike: Whether each shot is a `Strike` at the centre of the cue ball, which drives balls that touch it. It
@@ -308,7 +333,7 @@ def _starts(problem: _Problem, shots: int, rng: np.random.Generator) -> Iterator
 def _pots(problem: _Problem, goal: Pot) -> Floats:
     """Returns velocities (k, 2) near the pots of a goal, at many speeds and with small turns."""
     legal = np.arange(problem.table.scene.n_balls) == goal.ball
-    pots = find_pots(problem.table._replace(legal=legal[None]), banks=True)
+    pots = find_pots(problem.table._replace(legal=legal[None]), banks=True, direct=not isinstance(goal, Bank))
     chosen = np.flatnonzero((goal.pocket is None) | (pots.pocket[0, : pots.count[0]] == goal.pocket))[:_POTS]
     velocities = []
     for shots, tolerance in zip(pots.shots[0, chosen], pots.rows[0, chosen, TOLERANCE], strict=True):
@@ -340,6 +365,8 @@ def _met(problem: _Problem, batch: BatchResult) -> Bools:
             met[:, g] = batch.potted[:, goal.ball]
             if goal.pocket is not None:  # a potted ball is at the centre of its pocket
                 met[:, g] &= (batch.positions[:, goal.ball] == pockets[goal.pocket]).all(axis=1)
+            if isinstance(goal, Bank):
+                met[:, g] &= batch.cushions[:, goal.ball] > 0
         elif isinstance(goal, Touch):
             met[:, g] = batch.cushions_before_hit[:, goal.ball] >= 0
         elif isinstance(goal, FirstTouch):

@@ -134,7 +134,7 @@ def play_hit(table, i, hit, speed, state):
 def against_throw(friction, table, i, hit, speed, state):
     """Returns the `Hit` after which ball i moves in the direction in which it moves without friction after `hit`.
 
-    `friction` is `SceneArrays.laws.friction`.
+    `friction` is that of `Laws`.
     """
     if friction is None:
         return hit

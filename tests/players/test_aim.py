@@ -6,7 +6,7 @@ import pytest
 from billiards_env import Scene, derivatives, simulate
 from billiards_env.engine.strikes import strike_with
 from billiards_env.games import opening
-from billiards_env.players.aim import Cushions, FirstTouch, Leave, Pot, Touch, aim
+from billiards_env.players.aim import Bank, Cushions, FirstTouch, Leave, Pot, Touch, aim
 from billiards_env.scene import layouts
 from tests.helpers.games import setup
 
@@ -74,6 +74,14 @@ def test_a_cue_drives_a_ball_that_it_touches_in_the_shot_that_is_solved():
         assert aimed[strike].residual == np.hypot(*(aimed[strike].shot.positions[0] - goals[1].position))
     other = simulate(POOL, places, strike_with(aimed[False].velocity))
     assert np.hypot(*(other.positions[0] - goals[1].position)) > 0.1
+
+
+def test_a_bank_is_aimed_off_a_cushion():
+    for goal, cushions in ((Pot(1), 0), (Bank(1), 1), (Bank(1, 4), 1)):
+        aimed = aim(POOL, [[-0.6, 0.0], [0.6, 0.3]], goal)
+        assert aimed.solved
+        assert aimed.shot.potted.tolist() == [False, True]
+        assert aimed.shot.cushions[1] == cushions
 
 
 def test_an_unreachable_goal_gives_the_nearest_shot():
