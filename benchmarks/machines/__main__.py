@@ -146,9 +146,9 @@ def with_numba(folder: Path, name: str, names: Iterable[str]) -> Any:
     """Does some work with the oldest or the newest version of numba that `pyproject.toml` allows."""
     text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     oldest, newest = re.findall(r'"numba>=([\d.]+),(<[\d.]+)"', text)[0]
-    python = folder / f"numba {name}" / "bin" / "python"
-    venv.create(folder / f"numba {name}", with_pip=True)
-    wanted = f"numba=={oldest}.*" if name == "oldest" else f"numba{newest}"
+    python = folder.parent / f"numba {name}" / "bin" / "python"
+    venv.create(folder.parent / f"numba {name}", with_pip=True)
+    wanted = f"numba=={oldest}" if name == "oldest" else f"numba{newest}"
     run(folder / f"numba {name} pip.log", python, "-m", "pip", "install", wanted, "gymnasium>=1.1,<2", "tqdm")
     cache = folder / f"cache numba {name}"
     cache.mkdir(exist_ok=True)
@@ -159,7 +159,8 @@ def with_numba(folder: Path, name: str, names: Iterable[str]) -> Any:
 
 def in_browser(folder: Path) -> Any:
     """Compares shots in a browser."""
-    shutil.which("google-chrome") or tool("chromium", "chromium")
+    if shutil.which("google-chrome") is None:
+        tool("chromium", "chromium")
     result = folder / "web results"
     run(folder / "web.log", sys.executable, "-m", "docs.web.check", "--shots", "100", "--output", result)
     return json.loads(result.read_text(encoding="utf-8"))["rows"]

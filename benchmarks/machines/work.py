@@ -120,12 +120,15 @@ def games() -> Iterator[Any]:
             yield game.positions, sorted(to_dict(game.state).items())
 
 
-def pixels() -> Iterator[Any]:
-    """Yields observations with pixels."""
-    envs = gym.make_vec("Billiards-v0", 8, n_object_balls=3, max_shots=3, observe=[["pixels", 36, 40]])
+def observations() -> Iterator[Any]:
+    """Yields observations of all kinds, with pixels, noise, scatter and random physics."""
+    ways = "free_to_balls", "cue_to_balls", "balls_to_pockets", "free_to_pockets", "shots_left", "physics", "potted"
+    options: dict[str, Any] = {"n_object_balls": 3, "max_shots": 3, "noise": {}, "scatter": {}}
+    options |= {"observe": [*ways, "positions", ["pixels", 36, 40]], "randomize": {"mu_roll": [0.005, 0.02]}}
+    envs: Any = gym.make_vec("Billiards-v0", 8, **options)
     yield envs.reset(seed=0)[0]
     envs.action_space.seed(0)
-    yield from (envs.step(envs.action_space.sample())[0] for _ in range(2))
+    yield from (envs.step(envs.action_space.sample())[0] for _ in range(4))
 
 
 _PIT = {fix: Engine("pit", 1 / 60, fix) for fix in ("push_apart", "move_back", "none", "time_of_impact")}
@@ -142,7 +145,7 @@ WORK: dict[str, Callable[[], Any]] = {
     },
     **{
         work.__name__.replace("_", " "): work
-        for work in (many_balls, strikes, varied, derivatives, pots, plans, games, pixels)
+        for work in (many_balls, strikes, varied, derivatives, pots, plans, games, observations)
     },
 }
 """Functions that yield results, by name."""
