@@ -28,7 +28,7 @@ from billiards_env.games import GAMES, NO_CALL, Call, Setup, Stroke, opening, pl
 from billiards_env.games.game_state import to_dict
 from billiards_env.players.planner import plan
 from billiards_env.pots.finder import find_pots
-from billiards_env.scene import layouts
+from billiards_env.scene import Balls, Physics, Table, layouts
 from billiards_env.shots.simulation import _OUTCOME, BatchResult
 from billiards_env.shots.tables import Tables
 from billiards_env.support.files import write_json
@@ -57,6 +57,14 @@ def strikes() -> Iterator[Any]:
     positions = np.array([[0.0, 0.0], [2 * scene.balls.radius[0], 0.0], [0.4, 0.2], [-0.4, -0.1]])
     parts = (rng.uniform(low, high, 100) for low, high in ((0.5, 6), (-3, 3), (-0.3, 0.3), (-0.3, 0.3), (0, 0.5)))
     yield simulate_batch(scene, np.tile(positions, (100, 1, 1)), strike(scene, *parts), threads=1)
+
+
+def many_balls() -> Iterator[Any]:
+    """Yields a shot of 160 balls, all in motion."""
+    x, y = np.meshgrid(np.arange(16) - 7.5, np.arange(10) - 4.5)
+    positions = 0.08 * np.stack((x.ravel(), y.ravel()), axis=1)
+    scene = Scene(Balls.uniform(160, 0.028575), Table(1.3, 0.9), Physics())
+    yield simulate_batch(scene, positions[None], np.random.default_rng(7).normal(size=(1, 160, 2)), threads=1)
 
 
 def derivatives() -> Iterator[Any]:
@@ -114,10 +122,12 @@ _FAMILIES = "real pool, 5 object balls", "jump shots, 3 object balls", "rain of 
 WORK: dict[str, Callable[[], Any]] = {
     "breaks": lambda: [shots(_RACK, 40)],
     "random physics": lambda: [shots(_RACK, 40, physics={"mu_roll": np.linspace(0.005, 0.015, 40)})],
-    "160 balls": lambda: [shots(families._gas(160), 4, max_time=0.2)],
     **{name.replace(",", ""): lambda name=name: [shots(families.FAMILIES[name], 100)] for name in _FAMILIES},
     **{f"timestep {fix}": lambda engine=engine: [shots(_RACK, 40, engine=engine)] for fix, engine in _PIT.items()},
-    **{work.__name__: work for work in (strikes, derivatives, pots, plans, games, observations)},
+    **{
+        work.__name__.replace("_", " "): work
+        for work in (strikes, many_balls, derivatives, pots, plans, games, observations)
+    },
 }
 """Functions that yield results, by name."""
 
