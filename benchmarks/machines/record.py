@@ -28,6 +28,7 @@ from numba.core.registry import cpu_target
 from billiards_env.jit.compiler import Kernel, _Library
 from billiards_env.jit.decorators import EntryPoint
 
+PACKAGE = "billiards_env."
 TRIPLE = "aarch64-unknown-linux-gnu"
 _COUNTING = re.compile(r"^define linkonce_odr (void @NRT_\w+\(.*?\)).*?^}", re.MULTILINE | re.DOTALL)
 """Functions that count references. LLVM has already made them for the target."""
@@ -195,7 +196,8 @@ def main(mode: str, folder: Path, names: list[str]) -> None:
     if mode == "record":
         path.write_bytes(pickle.dumps(calls.calls, protocol=4))
         entries = {name_of(entry) for entry in gc.get_objects() if isinstance(entry, EntryPoint)}
-        print(json.dumps(sorted(entries - {call.name for call in calls.calls})))
+        left = sorted(entries - {call.name for call in calls.calls})
+        print(json.dumps([name[len(PACKAGE) :] for name in left if name.startswith(PACKAGE)]))
 
 
 if __name__ == "__main__":
