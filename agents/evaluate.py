@@ -24,9 +24,9 @@ from billiards_env.games import GAMES
 from billiards_env.players.named import find_player
 from billiards_env.sb3 import load_policy
 from billiards_env.sb3.policy_player import playable
-from billiards_env.sb3.weights import check_finished
+from billiards_env.sb3.weights import check_finished, slim
 from billiards_env.support.checks import Range, integer
-from billiards_env.support.files import check_path, replacing, write_json
+from billiards_env.support.files import check_path, replacing, write_atomically, write_json
 
 LAYOUTS = 1000
 """The largest number of episodes of a player without training."""
@@ -176,11 +176,20 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--curve", type=Path, metavar="FILE.png", help="draw the learning curves of the runs")
     parser.add_argument("--episodes", type=int, help=f"number (default: as in the config; {FILMED} with --film)")
     parser.add_argument("--seed", type=int, help="seed of the layouts (default: as in the config)")
+    parser.add_argument(
+        "--slim", type=Path, metavar="FOLDER", help="write a smaller copy of the first policy, for playing only"
+    )
     parser.add_argument("--film", type=Path, metavar="FILE.mp4", help="write a film of the first policy instead")
     args = parser.parse_args(arguments)
     run_dir: Path = args.runs[0]
     with ending():
-        if args.film is not None:
+        if args.slim is not None:
+            if args.slim.exists():
+                raise ValueError(f"--slim = {str(args.slim)!r}: expected a new folder")
+            for name, content in slim(run_dir).items():
+                write_atomically(args.slim / name, content)
+            print(f"wrote {args.slim}")
+        elif args.film is not None:
             infos = film(run_dir, args.film, FILMED if args.episodes is None else args.episodes, args.seed)
             for k, info in enumerate(infos, 1):
                 print(f"episode {k}: {'success' if info['is_success'] else 'no success'}, score {info['score']}")

@@ -36,7 +36,7 @@ from agents.learners import LEARNERS
 from agents.ppo import deterministic, make_policy, make_vector
 from billiards_env.bench.evaluation import evaluation_seeds, play_together
 from billiards_env.commands import Parser, ending
-from billiards_env.sb3.weights import load_weights
+from billiards_env.sb3.weights import is_slim, read_weights, set_weights
 from billiards_env.support.checks import Range, entry_of, integer, number, real, result_of
 from billiards_env.support.files import read_text, refusing, write_atomically, write_json
 
@@ -159,16 +159,19 @@ def start_from(policy: BasePolicy, run_dir: str) -> None:
 
     Raises:
         FileNotFoundError: If the folder holds no finished run.
-        ValueError: If the weights belong to another policy.
+        ValueError: If the weights belong to another policy, or are slim.
     """
     path = Path(run_dir) / "policy.pt"
     if not path.is_file():
         raise FileNotFoundError(f"start_from = {run_dir!r}: expected the folder of a finished run, with policy.pt")
     try:
-        load_weights(policy, path)
+        weights = read_weights(path)
+        if is_slim(weights):
+            raise ValueError(f"{path} is slim, for playing only")
+        set_weights(policy, weights, path)
     except ValueError as error:
         why = " ".join(str(error).split())
-        raise ValueError(f"start_from = {run_dir!r}: expected a run with the same networks ({why})") from error
+        raise ValueError(f"start_from = {run_dir!r}: expected a training of the same networks ({why})") from error
 
 
 class Point(NamedTuple):

@@ -20,7 +20,7 @@ from benchmarks import in_turns, machine, run_command, table
 from benchmarks.speed import quartiles, seconds
 from billiards_env.commands import Job
 from billiards_env.engine import run_shots_of
-from billiards_env.envs import episodes
+from billiards_env.envs import step
 from billiards_env.jit import Typed
 
 ENV_COUNTS = (1, 16, 256, 1024, 16_384)
@@ -106,7 +106,7 @@ def outside_engine(count: int, steps: int, **arguments: Any) -> Callable[[], flo
 
         return run
 
-    with patch.object(episodes, "run_shots_of", timed):
+    with patch.object(step, "run_shots_of", timed):
         play = many(native(count, **{"threads": 1, **arguments}), steps)
 
     def share() -> float:

@@ -20,7 +20,7 @@ from billiards_env.bench.frozen import BENCH_TASKS, FROZEN
 from billiards_env.commands import Parser, all_jobs, ending
 from billiards_env.export import WRITERS, shot_text
 from billiards_env.scene import SCENES
-from billiards_env.support.checks import MAX_SPEED, Range, finite, integer, number, numbers, one_of, real
+from billiards_env.support.checks import MAX_SPEED, Range, entry_of, finite, integer, number, numbers, one_of, real
 from billiards_env.support.files import check_path, write_atomically
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ def make_parser() -> argparse.ArgumentParser:
     for add, run, text in (
         (_add_simulate, simulate, "run one shot, print the result and write pictures or films"),
         (_add_evaluate, evaluate, "measure a player in the environment, next to other players"),
+        (_add_match, match, "play games between players, and rate them"),
         (_add_bench, bench, "play frozen tasks and write a file that can be replayed, or replay it"),
         (_add_replay, replay, "run a saved shot or game again, and show it"),
         (_add_calibrate, calibrate, "fit friction and other constants to tracks of shots"),
@@ -147,6 +148,21 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
     )
     add("--episodes", type=int, default=1000, help="number of episodes (default: %(default)s)")
     add("--seed", type=int, default=0, help="seed of the layouts (default: %(default)s)")
+
+
+def _add_match(parser: argparse.ArgumentParser) -> None:
+    parser.description = (
+        "Play games between each two of the players, who break in turn. The share of won games is that of the games "
+        "with a winner. With more than two players a table has their Elo ratings. Players: as for play."
+    )
+    add = parser.add_argument
+    add("player", nargs="+", help="the players, such as planner:club search:200")
+    add("--rules", default="eight_ball", help="the game (default: %(default)s)")
+    add("--scene", help=f"the scene: {', '.join(SCENES)}, module:name or a JSON file (default: the game's)")
+    add("--games", type=int, default=200, help="games of each two players (default: %(default)s)")
+    add("--max-shots", type=int, help="most shots of a game, which then has no winner (default: the game's)")
+    add("--seed", type=int, default=0, help="seed of the racks and of the players (default: %(default)s)")
+    add("--out", type=Path, metavar="FILE", help="save the results in this .json file; the same command resumes")
 
 
 def _add_bench(parser: argparse.ArgumentParser) -> None:
@@ -278,9 +294,9 @@ def _cue_ball(args: argparse.Namespace, scene: Scene, positions: Floats) -> tupl
         raise ValueError("--speed with --velocity or --spin: expected the motion either of the cue or of the ball")
     cue = {"heading": np.arctan2(aim[1], aim[0]), "side": 0.0, "top": 0.0, "elevation": 0.0, **cue}
     struck = strike(scene, real("--speed", args.speed, _SPEED), **cue)
-    heading, elevation = np.rad2deg([cue["heading"], cue["elevation"]]).tolist()
+    heading, elevation = (f"{np.rad2deg(cue[name]):.6g} degrees ({cue[name]:.4g} rad)" for name in _ANGLES)
     tip = f"side {cue['side']:g} R, top {cue['top']:g} R"
-    stroke = f"stroke: {args.speed:g} m/s, heading {heading:.6g} degrees, {tip}, elevation {elevation:.6g} degrees"
+    stroke = f"stroke: {args.speed:g} m/s, heading {heading}, {tip}, elevation {elevation}"
     slips = ["the tip slips on the ball: a miscue"] * bool(struck.miscue)
     return struck, None, [stroke, *slips, *_notes(scene, struck.velocity, struck.spin)]
 
@@ -326,6 +342,33 @@ def evaluate(args: argparse.Namespace) -> None:
 
             with job(player):
                 show(player, measure(player, arguments, noise, episodes, seed, progress))
+
+
+def match(args: argparse.Namespace) -> None:
+    """Runs the command `match`."""
+    from billiards_env.bench.match import play_pairs, table
+    from billiards_env.games import GAMES
+    from billiards_env.shots.records import read_scene
+
+    if len(set(args.player)) < max(2, len(args.player)):
+        raise ValueError(f"player = {' '.join(args.player)}: expected at least two players, each once")
+    entry_of("rules", args.rules, GAMES)
+    count = integer("--games", args.games, _EPISODES)
+    seed = integer("--seed", args.seed, Range(0, 2**31 // count - 1))
+    if args.out is not None:
+        check_path(args.out, ".json")
+    given = {"scene": args.scene, "max_shots": args.max_shots}
+    arguments = {"task": args.rules, "n_players": 2} | {name: value for name, value in given.items() if value}
+    if args.scene is not None and args.scene.endswith(".json"):
+        arguments["scene"] = read_scene(args.scene).to_dict()
+    begin = time.perf_counter()
+
+    def progress(pair: str, games: int) -> None:
+        if sys.stderr.isatty():
+            print(f"{pair}: {games} of {count} games, {time.perf_counter() - begin:.0f} s ", end="\r", file=sys.stderr)
+
+    results = play_pairs(args.player, count, arguments, seed, args.out, progress)
+    print(*table(results), sep="\n")
 
 
 def _of_run(player: str, given: dict[str, Any]) -> dict[str, Any]:
@@ -561,7 +604,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         return parser.print_help()
     before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that no temporary file stays
     try:
-        with ending("with --out the same command resumes" if args.command == "bench" else ""):
+        with ending("with --out the same command resumes" if args.command in ("bench", "match") else ""):
             args.run(args)
     finally:
         signal.signal(signal.SIGTERM, before)

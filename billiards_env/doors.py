@@ -26,6 +26,7 @@ DOORS = {
     "observe = 'planes'": "billiards_env.drawing.raster:PLANES",
     "action = 'plan'": "billiards_env.pots.plans:PLAN",
     "billiards_env.register_player": "billiards_env.players.named:register_player",
+    "opponent": "billiards_env.players.env_player:acting_by_name",
     "the frozen ids": "billiards_env.bench.frozen:register",
     "player = 'policy'": "billiards_env.sb3.policy_player:POLICY",
 }

@@ -165,7 +165,7 @@ def pot_margins(
             f"{tuple(positions.shape)}"
         )
     shots = len(positions) if base is single else 1
-    varied = {name: values.repeat(shots) for name, values in base._episodes.physics.items()}
+    varied = {name: values.repeat(shots) for name, values in base._episodes.state.varied.items()}
     exact, of = actions.double(), ("ball_margins", "pocket_margins")  # the velocities have the same bits as in `step`
     velocities = exact * (single.max_speed / exact.norm(dim=-1, keepdim=True).clamp(min=1.0))
     margins = simulate(single.scene, positions, velocities, of=of, varied=varied, in_play=in_play, threads=threads)

@@ -18,10 +18,10 @@ import torch
 from sb3_contrib import MaskablePPO
 from stable_baselines3.common.callbacks import BaseCallback
 
+from billiards_env.bench.match import play_games
 from billiards_env.envs import Opponents
 from billiards_env.games import Stroke
-from billiards_env.players.env_player import acting_in, game_observation
-from billiards_env.players.named import find_player
+from billiards_env.players.env_player import acting_by_name, game_observation
 from billiards_env.players.situation import Player, Situation, placed
 from billiards_env.pots.plans import Plans
 from billiards_env.sb3 import SameStepVecEnv
@@ -62,19 +62,8 @@ def planning(model: Any, games: Any) -> Callable:
 def share_of_wins(model: Any, rival: str, count: int) -> float:
     """Returns the share of games with a winner that a policy wins against a player. Both break equally often."""
     games = make(count, **GAME)
-    players = planning(model, games), acting_in(find_player(rival, games.single_env), games, seed=0)
-    observations, infos = games.reset(seed=1)
-    seats, over = np.arange(count) % 2, np.zeros(count, bool)
-    winners, next_player = np.full(count, -1), infos["next_player"].copy()
-    while not over.all():
-        actions, played = np.zeros(games.action_space.shape), ~over
-        for own, play in zip((next_player == seats, next_player != seats), players, strict=True):
-            rows = np.flatnonzero(own & played)
-            if len(rows):
-                actions[rows] = play(observations[rows], rows)
-        observations, _, over, _, infos = games.step_where(played, actions)
-        winners[played], next_player[played] = infos["winner"][played], infos["next_player"][played]
-    return (winners == seats).sum() / max((winners >= 0).sum(), 1)
+    winners = play_games(games, [planning(model, games), acting_by_name(rival, games)], seed=1)
+    return (winners == 0).sum() / max((winners >= 0).sum(), 1)
 
 
 class NewCopy(BaseCallback):

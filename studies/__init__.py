@@ -11,7 +11,8 @@ Modules:
     leaderboard: Verifies the files of the leaderboard and makes its tables.
     figures: Draws the pictures that show no measurement, and a film of a run-out of the planner.
     tables: Makes the tables of games, numbers, actions and features.
-    readme: Writes the measured tables into the pages.
+    cards: Makes the cards of the published policies.
+    readme: Writes the measured tables into the pages, and the cards.
 """
 
 import functools

@@ -5,7 +5,8 @@ the frozen tasks of its row without exploration. The results are
 
 * `studies/results/learning.json`: for each row its settings, and for each seed the learning curve and the successes;
   for the policy of the first seed also its successes as a player that simulates what it proposes, see `propose`,
-* `studies/results/policies/ROW`: the policy of the first seed, with its configuration,
+* `studies/results/policies/ROW`: the policy of the first seed, with its configuration and smaller weights, see
+  `weights.slim`; it plays, and no training starts from it,
 * `docs/images/learning.png`: the learning curves.
 
 The command skips the seeds that have results with the same settings. A training that was interrupted continues. With
@@ -33,6 +34,7 @@ from billiards_env.bench.evaluation import evaluation_seeds, play_together
 from billiards_env.bench.frozen import FROZEN, NAMESPACE
 from billiards_env.intervals import as_percent, over_seeds
 from billiards_env.players.strategies import FINALISTS, REPEATS
+from billiards_env.sb3.weights import slim
 from billiards_env.support.files import write_atomically, write_json
 from billiards_env.support.settings import read_settings
 from studies import JOBS, RESULTS, RUNS, completed, executor, fill, frozen_tasks, read_results
@@ -68,11 +70,11 @@ def trained(config: Config, folder: Path) -> tuple[list[Point], dict[str, bytes]
     """Trains a configuration, unless the folder holds the finished run.
 
     Returns:
-        The learning curve, and the files of the policy, because another machine may train it.
+        The learning curve, and the files of `weights.slim`, because another machine may train the policy.
     """
     open_run(config, folder)
     train(config, folder)
-    return learning_curve(folder), {file: (folder / file).read_bytes() for file in ("config.yaml", "policy.pt")}
+    return learning_curve(folder), slim(folder)
 
 
 def run_row(name: str, seed: int, folder: Path, episodes: int) -> tuple[dict[str, Any], dict[str, bytes]]:

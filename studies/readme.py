@@ -2,7 +2,8 @@
 
 A line `<!-- speed: shots -->` is followed by the block "shots" that `benchmarks.speed.blocks` makes from
 `benchmarks/results/speed.json`, up to a line `<!-- end -->`. The command replaces this block. It measures nothing, and
-text outside of the markers does not change. `--check` writes nothing and fails if a page is not up to date.
+text outside of the markers does not change. It also writes the cards of the published policies. `--check` writes
+nothing and fails if a page or a card is not up to date.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import Any
 from benchmarks import ROOT, all_blocks, parser_of, results_file
 from billiards_env.commands import ending
 from billiards_env.support.files import write_atomically
+from studies.cards import cards
 
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 
@@ -53,6 +55,10 @@ GENERATED = {"tables": "studies.tables"}
 """The module of the tables that need no measurement, by the name of the source."""
 
 _BEGIN, _END = re.compile(r"<!-- (\w+): (.+) -->"), "<!-- end -->"
+
+
+def _name(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix() if path.is_relative_to(ROOT) else path.name
 
 
 def results(source: str, root: Path = ROOT) -> Path:
@@ -109,15 +115,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     check = (False, "write nothing; exit 1 if a page is not up to date")
     args = parser_of("readme", "Write the measured tables into README.md and docs.", check=check).parse_args(arguments)
     with ending("the same command continues"):
-        pages = {path: fill_page(path.read_text(encoding="utf-8")) for path in PAGES}
-    old = [path for path, text in pages.items() if path.read_text(encoding="utf-8") != text]
+        pages = {path: fill_page(path.read_text(encoding="utf-8")) for path in PAGES} | cards()
+    old = [path for path, text in pages.items() if not path.exists() or path.read_text(encoding="utf-8") != text]
     if args.check:
         if old:
-            sys.exit(f"not up to date: {', '.join(path.name for path in old)}; run python -m studies.readme")
+            sys.exit(f"not up to date: {', '.join(map(_name, old))}; run python -m studies.readme")
         return
     for path in old:
         write_atomically(path, pages[path].encode())
-    print(f"Written: {', '.join(path.name for path in old) or 'nothing, all is up to date'}.")
+    print(f"Written: {', '.join(map(_name, old)) or 'nothing, all is up to date'}.")
 
 
 if __name__ == "__main__":

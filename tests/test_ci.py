@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -35,6 +36,18 @@ def test_continuous_integration_runs_make_ci_with_make_test():
     assert "\nmake ci " in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     assert "test" in TARGETS
     assert "$(MAKE) -k " in MAKEFILE  # a failure of lint hides no test
+
+
+def test_actions_are_pinned_and_publishing_is_off_by_default():
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text(encoding="utf-8"))
+    used = {step["uses"] for job in workflow["jobs"].values() for step in job["steps"] if "uses" in step}
+    assert [one for one in used if not re.fullmatch(r"actions/[a-z-]+@[0-9a-f]{40}", one)] == [
+        "pypa/gh-action-pypi-publish@release/v1"
+    ]
+    publish = workflow["jobs"]["publish"]
+    assert "vars.PYPI_PROJECT == 'billiards-env'" in publish["if"]
+    assert workflow["permissions"] == {"contents": "read"}
+    assert publish["permissions"] == {"id-token": "write"}
 
 
 @pytest.mark.skipif(shutil.which("make") is None, reason="no make on the PATH")

@@ -74,7 +74,10 @@ def test_simulate_strikes_the_cue_ball_with_a_cue(capsys, tmp_path):
     places = ["--positions", "-0.635", "0", "0.635", "0.3"]
     stroke = ["--speed", "2", "--heading", "30", "--side", "0.2", "--top", "-0.25", "--elevation", "5"]
     line, *_ = lines(capsys, "simulate", *places, *stroke, "--out", str(path))
-    assert line == "stroke: 2 m/s, heading 30 degrees, side 0.2 R, top -0.25 R, elevation 5 degrees"
+    assert (
+        line
+        == "stroke: 2 m/s, heading 30 degrees (0.5236 rad), side 0.2 R, top -0.25 R, elevation 5 degrees (0.08727 rad)"
+    )
     expected = strike("real_pool", 2.0, np.pi / 6, 0.2, -0.25, np.pi / 36)
     shot = shot_records.load(path)
     assert list(shot.velocities[0]) == pytest.approx(expected.velocity.tolist(), rel=1e-15)
@@ -335,6 +338,10 @@ ERRORS = [
     ("bench verify", "bench verify without a file"),
     ("bench verify no.json", "path = 'no.json': expected a file of a benchmark, but it does not exist"),
     ("bench nobody --tasks Pot1-v0", "player = 'nobody': expected one of"),
+    ("match random", "player = random: expected at least two players"),
+    ("match random random", "player = random random: expected at least two players, each once"),
+    ("match random aim --rules carm", "rules = 'carm': expected one of"),
+    ("match random aim --games 0", "--games = 0: expected a whole number from 1"),
     ("evaluate nobody:nothing --beside", "player = 'nobody:nothing': "),
     ("evaluate random --task pott --beside", "task = 'pott': expected one of 'pot'"),
     ("evaluate random --episodes 0 --beside", "--episodes = 0: expected a whole number from 1 to 10000000"),

@@ -21,7 +21,7 @@ from billiards_env.bench import benchmark as bench
 from billiards_env.calibration import read_tracks
 from billiards_env.envs import load_state, make_vector_env, save_state
 from billiards_env.games import records as games
-from billiards_env.sb3.weights import build_policy, load_policy, load_weights, save_policy
+from billiards_env.sb3.weights import build_policy, load_policy, read_weights, save_policy, set_weights
 from billiards_env.shots import records
 from billiards_env.support import files
 from tests.helpers.games import random_game, setup
@@ -65,6 +65,10 @@ def write_weights(path: Path) -> None:
     save_policy(build_policy(ENV, POLICY), path)
 
 
+def set_file(policy: Any, path: Path) -> None:
+    set_weights(policy, read_weights(path), path)
+
+
 def write_run(path: Path) -> None:
     path.write_text(yaml.safe_dump({"env": ENV, "policy": POLICY}))
     write_weights(path.with_name("policy.pt"))
@@ -79,7 +83,7 @@ def training() -> PPOTraining:
 
 READERS = {
     "state": Reader("a.npz", write_state, lambda: load_state),
-    "weights": Reader("a.pt", write_weights, lambda: functools.partial(load_weights, build_policy(ENV, POLICY))),
+    "weights": Reader("a.pt", write_weights, lambda: functools.partial(set_file, build_policy(ENV, POLICY))),
     "checkpoint": Reader("256.zip", lambda path: training().save(path), lambda: training().load),
     "shot": Reader("a.json", write_shot, lambda: records.load),
     "game": Reader("a.json", write_game, lambda: games.load),

@@ -32,7 +32,7 @@ from billiards_env.jit import allocating, allocating_entry_point, kernel
 from billiards_env.physics.clusters.impulses import empty_scratch
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import IMPULSE_ROUNDING, circle_time, contact_distance, line_time
-from billiards_env.physics.geometry.outline_walls import any_wall_time
+from billiards_env.physics.geometry.outline_walls import OUTLINE, any_wall_time
 from billiards_env.physics.geometry.pockets import path_to
 from billiards_env.physics.motion import Path, motion_after, path_of
 from billiards_env.physics.state import (
@@ -82,20 +82,24 @@ def clear(state, scene, queue):
 
 
 @kernel
-def _predict_wall(outline, path, radius, end, kind, other, numbers):
-    """Returns the end, the kind and the other body of a ball's next event, with the cushions."""
-    if outline is None:
-        for k in range(4):
-            sign = 1.0 if k % 2 else -1.0
-            if k < 2:
-                t = line_time(numbers.half_length - radius - sign * path.x, sign * path.vx, sign * path.ax, end)
-            else:
-                t = line_time(numbers.half_width - radius - sign * path.y, sign * path.vy, sign * path.ay, end)
-            if t < end or (t == end and kind != BALL_CUSHION and t < math.inf):
-                end, kind, other = t, BALL_CUSHION, k
-        return end, kind, other
-    t, wall = any_wall_time(path, radius, end, outline)
-    return (t, BALL_CUSHION, wall) if t < math.inf else (end, kind, other)
+def _rectangle_time(path, radius, end, scene):
+    """Returns the same as `rectangle.time`."""
+    first, wall = math.inf, -1
+    for k in range(4):
+        sign = 1.0 if k % 2 else -1.0
+        if k < 2:
+            t = line_time(scene.numbers.half_length - radius - sign * path.x, sign * path.vx, sign * path.ax, end)
+        else:
+            t = line_time(scene.numbers.half_width - radius - sign * path.y, sign * path.vy, sign * path.ay, end)
+        if t < first:
+            first, wall = t, k
+    return first, wall
+
+
+@kernel
+def _outline_time(path, radius, end, scene):
+    """Returns the same as `outline_walls.time`."""
+    return any_wall_time(path, radius, end, scene.outline)
 
 
 @kernel
@@ -112,7 +116,9 @@ def _predict_single(i, state, scene, singles):
         end, kind, other = event_in_air(scene.flight, i, state, scene)
     elif phase >= ROLLING:
         path = path_of(state, i)
-        end, kind, other = _predict_wall(scene.outline, path, scene.radius[i], end, kind, other, scene.numbers)
+        t, wall = scene.walls.time(path, scene.radius[i], end, scene)
+        if t < math.inf:
+            end, kind, other = t, BALL_CUSHION, wall
         for k in range(len(scene.pockets)):
             t = circle_time(*path_to(path, scene.pockets[k]), end, 0.0)
             if t < end or (t == end and kind != BALL_POCKET and t < math.inf):
@@ -203,10 +209,16 @@ _run_all = for_all_shots(event_loop(sys.modules[__name__]))
 
 
 @allocating_entry_point
-def run_shots(begin, end, scene, limit, max_events, shots, log):
-    """Runs shots `begin` to `end` - 1 of a batch in place; the arguments are as in `engine.pic.run_shots`."""
-    arrays = scene_of(scene, 0)
+def _run_shots(kernels, begin, end, scene, limit, max_events, shots, log):
+    """Implements `run_shots`; the kernels have the plain times of cushions."""
+    arrays = scene_of(kernels, scene, 0)
     most = most_contacts(arrays)
-    scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction, arrays.flight)
+    scratch = empty_scratch(len(arrays.radius), most, arrays.laws.friction, arrays.flight)
     work = make_workspace(arrays, empty_queue(arrays), most, scratch)
-    _run_all(begin, end, scene, work, limit, max_events, shots, log)
+    _run_all(range(begin, end), kernels, scene, work, limit, max_events, shots, log)
+
+
+def run_shots(kernels: Any, *arguments: Any) -> None:
+    """Runs shots of a batch in place; the arguments are those of `engine.pic.run_shots`."""
+    time = _outline_time if kernels.walls is OUTLINE else _rectangle_time
+    _run_shots(kernels._replace(walls=kernels.walls._replace(time=time)), *arguments)

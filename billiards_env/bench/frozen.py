@@ -203,7 +203,8 @@ _GAMES: dict[str, tuple[str, str, str, int, str, int | None, list[str]]] = {
 _GAME_NAMES = ("task", "edition", "scene", "n_object_balls", "layout", "target", "observe")
 
 # v1: balls that touch the cue ball have their rules, and a snooker behind a free ball is a foul.
-_VERSIONS = {"SnookerGame": 1, "CaromGame": 1, "ThreeCushionGame": 1}
+# v2: cushions are exact to rounding.
+_VERSIONS = {"SnookerGame": 2, "CaromGame": 1, "ThreeCushionGame": 1}
 
 FROZEN_GAMES = {
     f"{name}-v{_VERSIONS.get(name, 0)}": {**_GAME, **dict(zip(_GAME_NAMES, row, strict=True))}

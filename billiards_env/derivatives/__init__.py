@@ -2,7 +2,7 @@
 
 Modules:
     tangent: Makes the derivative of a law from its source.
-    rules, mathavan_tangent: The derivatives of laws that `tangent` does not make.
+    rules: The derivatives of laws that `tangent` does not make.
     lanes: The change of balls through a stretch or an event.
     sweeps: How a change passes through a whole shot, forwards and backwards.
     nonsmooth_events: Events without a derivative.

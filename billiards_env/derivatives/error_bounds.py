@@ -38,7 +38,7 @@ def _position_condition(i, until, inputs, shot, tangent, tape):  # out: tape
     total = 0.0
     for c in range(len(inputs)):
         lane = tape.lanes[c]
-        stretch_lane(lane, 0, stretch, shot.changing)
+        stretch_lane(lane, 0, stretch, shot.tangents)
         total += lane[DX] * lane[DX] + lane[DY] * lane[DY]
     return total
 
@@ -59,26 +59,26 @@ def _larger(most, value):
 
 
 @allocating_entry_point
-def bound_errors(begin, end, shots, times, inputs, ratio, largest, bounds):  # out: bounds
+def bound_errors(kernels, begin, end, shots, times, inputs, limits, bounds):  # out: bounds
     """Computes bounds of the errors of shots `begin` to `end` - 1, up to each event and up to the end.
 
     Args:
+        kernels: The `LaneKernels`.
         begin: First shot.
         end: One past the last.
         shots: The `sweeps.RecordedShots`, as a plain tuple.
         times: (m,) float64, s, the ends of the shots.
         inputs: (m, k, 9 n) float64, the changes of the inputs by their sizes.
-        ratio: The ratio of a bound to the condition.
-        largest: After an error of this size, m or s, all bounds are infinite.
+        limits: The ratio of a bound to the condition; the error, m or s, after which all bounds are infinite.
         bounds: (l + m, 2) float64 out: bounds of a gap, m, and of a difference of times, s, for the l events in the
             order of the log. A row for the end of each shot follows its events.
     """
-    shots = RecordedShots(*shots)
+    shots, (ratio, largest) = RecordedShots(*shots), limits
     n, count, pending = len(shots.scene[1]), inputs.shape[1], 0
     most = (largest / ratio) * (largest / ratio)
     tape, tangent = empty_tape(begin, end, shots, count), np.empty((n, count, BALL_WIDTH))
     for k in range(begin, end):
-        shot, changes = shot_of(shots, k), inputs[k]
+        shot, changes = shot_of(kernels, shots, k), inputs[k]
         events, row = shot.events, shots.bounds[k, 0] + k
         trace(shot, tape)
         begin_lanes(changes, times[k], shot, tangent, tape)

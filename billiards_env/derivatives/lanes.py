@@ -11,21 +11,22 @@ through the derivative of the jump there, and back to the fixed time.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
 from billiards_env.derivatives.rules import SMOOTH
-from billiards_env.derivatives.tangent import rule, tangent_of
+from billiards_env.derivatives.tangent import as_kernel, tangent_of
 from billiards_env.jit import entry_point, inlined
-from billiards_env.physics.ball_ball import impulse_of, meet
-from billiards_env.physics.ball_cushion import bounce, impact
+from billiards_env.physics.ball_ball import meet
+from billiards_env.physics.ball_cushion import bounce
 from billiards_env.physics.geometry.pockets import outwards_at
-from billiards_env.physics.geometry.walls import curvature_at, normal_at
-from billiards_env.physics.laws.balls import distance_of, normal_impulse
+from billiards_env.physics.geometry.walls import centres_at
+from billiards_env.physics.laws.balls import distance_of
 from billiards_env.physics.laws.cloth import SLIP_RATE, coast_from, drive, slip_of, spin_after, spin_of
 from billiards_env.physics.laws.cushion import CushionMotion, restitution_is_smooth
-from billiards_env.physics.laws.tables import CUSHION_LAWS, CUSHIONS, FRICTIONS, RESTITUTIONS, by_law, friction_of
+from billiards_env.physics.laws.tables import CUSHIONS
 from billiards_env.physics.state import (
     BALL_NUMBERS,
     CLOTH_NUMBERS,
@@ -38,6 +39,7 @@ from billiards_env.physics.state import (
     SLIDING_AND_ROLLING,
     SPINNING,
     BallState,
+    SceneKernels,
     law_changes,
 )
 from billiards_env.physics.strike import ELEVATION, HEADING, SIDE, SPEED, TOP, CueNumbers, strike_by
@@ -58,73 +60,7 @@ PAIR_NUMBERS = (STRETCH_NUMBERS[1], STRETCH_NUMBERS[1] + len(BALL_NUMBERS))
 CUSHION_NUMBERS = (PAIR_NUMBERS[1], LANE_WIDTH)
 """The same for a cushion."""
 
-ONLY_STATES, ALSO_CONSTANTS = ((None, True),), ((True, None),)
-"""The argument `changing` of the kernels below: whether radii, masses and numbers change, or only the states of balls.
-
-For each value numba compiles only the tangents that it needs, see `by_law`. Those of the states alone have fewer
-operations.
-"""
-
-
-def _tangent(function: Callable[..., Any], constant: Collection[str], constants: Collection[str]) -> Callable[..., Any]:
-    """Returns the tangent of a law as a kernel of `changing` and a tuple with the arguments of the tangent.
-
-    `constants` names the last arguments of the law. With `ONLY_STATES` their changes are left out.
-    """
-    states, kept = tangent_of(function, constant=(*constant, *constants)), -len(constants)
-    return by_law(tangent_of(function, constant=constant), inlined(lambda *arguments: states(*arguments[:kept])))
-
-
-_OTHERS = ("radius", "rebound", "numbers", "solution")
-_d_law = by_law(*(tangent_of(law, constant=("rebound", "solution")) for law in CUSHION_LAWS))
-_d_law_of_states = by_law(*(tangent_of(law, constant=_OTHERS) for law in CUSHION_LAWS))
-
-
-@rule(impact, constant=("laws",))
-@inlined
-def d_impact(laws, before, others, d_before, d_others):
-    """Returns the result of `ball_cushion.impact` and its change."""
-    d_radius, _, d_numbers, _ = d_others
-    return _d_law(laws, (before,) + others + (d_before, d_radius, d_numbers))  # noqa: RUF005  (numba has no stars here)
-
-
-@rule(impact, constant=("laws", "others"))
-@inlined
-def _d_impact_of_states(laws, before, others, d_before):
-    return _d_law_of_states(laws, (before,) + others + (d_before,))  # noqa: RUF005
-
-
-def _impulse_by(restitution: Callable[..., Any]) -> Callable[..., Any]:
-    """Returns `ball_ball.impulse_of` with a restitution, as the source of its tangent."""
-
-    def impulse(closing, inv_mass_i, inv_mass_j, numbers):
-        return normal_impulse(closing, inv_mass_i, inv_mass_j, restitution(numbers, closing))
-
-    return inlined(impulse)
-
-
-def _rule_by_law(function: Callable[..., Any], kernels: Collection[Any], law: str, constant: Collection[str]) -> None:
-    """Makes the tangents of kernels, one for each law, that of a function of the argument `law` and their arguments."""
-
-    def call(tangent: Any) -> Any:
-        return inlined(lambda choice, *arguments: tangent(choice, arguments))
-
-    for kept in ((), constant):
-        tangents = (tangent_of(kernel, constant=kept) for kernel in kernels)
-        rule(function, constant=(law, *kept))(call(by_law(*tangents)))
-
-
-_IMPULSES = tuple(map(_impulse_by, RESTITUTIONS))
-_rule_by_law(impulse_of, _IMPULSES, "ball_restitution", ("inv_mass_i", "inv_mass_j", "numbers"))
-_rule_by_law(friction_of, FRICTIONS, "law", ("numbers",))
-
-_d_drive = _tangent(drive, ("phase",), ("numbers",))
-_d_coast = _tangent(coast_from, ("phase", "t"), ("numbers",))
 _d_spin_after = tangent_of(spin_after, constant=("t", "numbers"))
-_d_slip_of, _d_spin_of = _tangent(slip_of, (), ("radius",)), _tangent(spin_of, (), ("radius",))
-_d_distance_of = _tangent(distance_of, ("are_spheres",), ("radius_i", "radius_j"))
-_d_meet = _tangent(meet, ("ball_restitution", "ball_friction", "are_spheres"), ("bodies", "numbers"))
-_d_bounce = _tangent(bounce, ("cushion", "solution"), ("radius", "numbers"))
 
 
 @inlined
@@ -138,8 +74,108 @@ def _always_smooth(before, radius, numbers):
 
 
 _SOLUTIONS = {cushion.law: cushion.solution or _no_solution for cushion in CUSHIONS.values()}
-_solution = by_law(*(_SOLUTIONS[law] for law in CUSHION_LAWS))
-_is_smooth = by_law(*(SMOOTH.get(law, _always_smooth) for law in CUSHION_LAWS))
+
+
+class TangentLaws(NamedTuple):
+    """`Laws`, and what the derivatives need of them.
+
+    A tangent of a kernel that calls `laws.friction` calls `laws.d_friction`.
+
+    Attributes:
+        restitution: `Laws.restitution`.
+        friction: `Laws.friction`.
+        cushion: `Laws.cushion`.
+        d_restitution: The tangent of each.
+        d_friction: None for balls without friction.
+        d_cushion: That of the law with a known solution.
+        solution: `Cushion.solution`, or a kernel that returns 0.
+        is_smooth: Kernel of (before, radius, numbers): whether an impact on a cushion has a derivative.
+    """
+
+    restitution: Any
+    friction: Any
+    cushion: Any
+    d_restitution: Any
+    d_friction: Any
+    d_cushion: Any
+    solution: Any
+    is_smooth: Any
+
+
+class Tangents(NamedTuple):
+    """The tangents of the laws that a lane passes, as kernels. They have the arguments of `tangent_of`.
+
+    Attributes:
+        drive: The tangent of `cloth.drive`.
+        coast: That of `cloth.coast_from`.
+        slip_of: That of `cloth.slip_of`.
+        spin_of: That of `cloth.spin_of`.
+        distance_of: That of `balls.distance_of`.
+        meet: That of `ball_ball.meet`.
+        bounce: That of `ball_cushion.bounce`.
+    """
+
+    drive: Any
+    coast: Any
+    slip_of: Any
+    spin_of: Any
+    distance_of: Any
+    meet: Any
+    bounce: Any
+
+
+class LaneKernels(NamedTuple):
+    """The kernels of a derivative.
+
+    Attributes:
+        scene: The `SceneKernels`, with `TangentLaws`.
+        tangents: The `Tangents`.
+    """
+
+    scene: SceneKernels
+    tangents: Tangents
+
+
+def _tangent(function: Callable[..., Any], constant: Collection[str], constants: Collection[str], vary: bool) -> Any:
+    """Returns the tangent of a law as a kernel that is an argument.
+
+    `constants` names the last arguments of the law. If they do not vary, the tangent ignores their changes.
+    """
+    if vary:
+        return as_kernel(tangent_of(function, constant=constant))
+    states, kept = tangent_of(function, constant=(*constant, *constants)), -len(constants)
+    return inlined(lambda *arguments: states(*arguments[:kept]))
+
+
+@functools.cache
+def lane_kernels(kernels: SceneKernels, constants: bool) -> LaneKernels:
+    """Returns the kernels of the derivative of the shots of a scene.
+
+    Args:
+        kernels: Those of the scene.
+        constants: Whether radii, masses and numbers change, or only the states of balls. The tangents of the states
+            alone have fewer operations.
+    """
+    laws, numbers = kernels.laws, () if constants else ("numbers",)
+    of_cushion = ("rebound", "solution") if constants else ("radius", "rebound", "numbers", "solution")
+    with_tangents = TangentLaws(
+        *laws,
+        d_restitution=as_kernel(tangent_of(laws.restitution, constant=numbers)),
+        d_friction=None if laws.friction is None else as_kernel(tangent_of(laws.friction, constant=numbers)),
+        d_cushion=as_kernel(tangent_of(laws.cushion, constant=of_cushion)),
+        solution=_SOLUTIONS[laws.cushion],
+        is_smooth=SMOOTH.get(laws.cushion, _always_smooth),
+    )
+    tangents = Tangents(
+        drive=_tangent(drive, ("phase",), ("numbers",), constants),
+        coast=_tangent(coast_from, ("phase", "t"), ("numbers",), constants),
+        slip_of=_tangent(slip_of, (), ("radius",), constants),
+        spin_of=_tangent(spin_of, (), ("radius",), constants),
+        distance_of=_tangent(distance_of, ("are_spheres",), ("radius_i", "radius_j"), constants),
+        meet=_tangent(meet, ("laws", "are_spheres"), ("bodies", "numbers"), constants),
+        bounce=_tangent(bounce, ("laws", "solution"), ("radius", "numbers"), constants),
+    )
+    return LaneKernels(kernels._replace(laws=with_tangents), tangents)
 
 
 @inlined
@@ -170,9 +206,9 @@ def _changes(lane):
 
 
 @inlined
-def distance_change(lane, are_spheres, radii, changing):
+def distance_change(lane, are_spheres, radii, tangents):
     """Returns the change of the distance of the centres of both balls of a lane when they touch, m."""
-    return _d_distance_of(changing, (are_spheres, radii[0], radii[1], lane[D_RADIUS], lane[D_RADIUS + 1]))[1]
+    return tangents.distance_of(are_spheres, radii[0], radii[1], lane[D_RADIUS], lane[D_RADIUS + 1])[1]
 
 
 class Stretch(NamedTuple):
@@ -192,10 +228,10 @@ class Stretch(NamedTuple):
 
 
 @inlined
-def stretch_lane(lane, at, stretch, changing):  # out: lane
+def stretch_lane(lane, at, stretch, tangents):  # out: lane
     """Changes the state at column `at` of a lane by a `Stretch`."""
     ball, phase, dt, numbers = stretch
-    put_ball(lane, at, _d_coast(changing, (ball, phase, dt, numbers, ball_at(lane, at), _changes(lane)))[1])
+    put_ball(lane, at, tangents.coast(ball, phase, dt, numbers, ball_at(lane, at), _changes(lane))[1])
 
 
 @inlined
@@ -250,7 +286,7 @@ def settle_lane(lane, at, phase, numbers):  # out: lane
 
 
 @inlined
-def start_lane(lane, ball, phase, radius, numbers, changing):  # out: lane
+def start_lane(lane, ball, phase, radius, numbers, tangents):  # out: lane
     """Replaces the horizontal spin of the first ball of a lane by its slip, and settles it.
 
     Args:
@@ -259,25 +295,25 @@ def start_lane(lane, ball, phase, radius, numbers, changing):  # out: lane
         phase: Its phase.
         radius: m.
         numbers: The `LawNumbers`.
-        changing: What changes.
+        tangents: The `Tangents`.
     """
     change = ball_at(lane, 0)
     lane[DUX] = lane[DUY] = 0.0
     if numbers.motion == SLIDING_AND_ROLLING:
         wx, wy = spin_of(ball.vx, ball.vy, ball.ux, ball.uy, radius)
         at = (ball.vx, ball.vy, wx, wy, radius, change.vx, change.vy, change.ux, change.uy, lane[D_RADIUS])
-        lane[DUX], lane[DUY] = _d_slip_of(changing, at)[1]
+        lane[DUX], lane[DUY] = tangents.slip_of(*at)[1]
     settle_lane(lane, 0, phase, numbers)
 
 
 @inlined
-def end_lane(lane, ball, radius, numbers, changing):  # out: lane
+def end_lane(lane, ball, radius, numbers, tangents):  # out: lane
     """Replaces the slip of the first ball of a lane, in a `BallState`, by its horizontal spin; see `start_lane`."""
     change = ball_at(lane, 0)
     lane[DUX] = lane[DUY] = 0.0
     if numbers.motion == SLIDING_AND_ROLLING:
         at = (ball.vx, ball.vy, ball.ux, ball.uy, radius, change.vx, change.vy, change.ux, change.uy, lane[D_RADIUS])
-        lane[DUX], lane[DUY] = _d_spin_of(changing, at)[1]
+        lane[DUX], lane[DUY] = tangents.spin_of(*at)[1]
 
 
 @inlined
@@ -287,7 +323,7 @@ def _note(lane, dt, change):  # out: lane
 
 
 @inlined
-def phase_end_lane(lane, stretch, before, after, changing):  # out: lane
+def phase_end_lane(lane, stretch, before, after, tangents):  # out: lane
     """Changes a lane by a `Stretch` and the event at the end of its phase.
 
     Args:
@@ -295,11 +331,11 @@ def phase_end_lane(lane, stretch, before, after, changing):  # out: lane
         stretch: The `Stretch`.
         before: The time derivative of the state before the event.
         after: The same after it.
-        changing: What changes.
+        tangents: The `Tangents`.
     """
     ball, phase, _, numbers = stretch
-    dt = _d_drive(changing, (ball, phase, numbers, ball_at(lane, 0), _changes(lane)))[1][2]
-    stretch_lane(lane, 0, stretch, changing)
+    dt = tangents.drive(ball, phase, numbers, ball_at(lane, 0), _changes(lane))[1][2]
+    stretch_lane(lane, 0, stretch, tangents)
     change = _shifted(ball_at(lane, 0), before, dt)
     _note(lane, dt, change)
     put_ball(lane, 0, _shifted(change, after, -dt))
@@ -347,10 +383,10 @@ class Wall(NamedTuple):
 
 
 @inlined
-def wall_at(x, y, wall, radius, outline):
+def wall_at(x, y, wall, radius, scene):
     """Returns the `Wall` with a number where a ball at (x, y) touches it."""
-    nx, ny = normal_at(x, y, wall, outline)
-    return Wall(nx, ny, curvature_at(wall, radius, outline))
+    nx, ny = scene.walls.normal(x, y, wall, scene)
+    return Wall(nx, ny, 1.0 / centres_at(wall, radius, scene.outline)[2])
 
 
 @inlined
@@ -370,27 +406,27 @@ def _motion_at(ball, wall, radius):
 def cushion_is_smooth(ball, wall, radius, scene):
     """Returns whether the impact of a `BallState` on a `Wall` has a derivative."""
     motion, numbers = _motion_at(ball, wall, radius), scene.numbers
-    return restitution_is_smooth(motion.vn, numbers) and _is_smooth(scene.cushion, (motion, radius, numbers))
+    return restitution_is_smooth(motion.vn, numbers) and scene.laws.is_smooth(motion, radius, numbers)
 
 
 @inlined
 def cushion_solution(ball, wall, radius, scene):
     """Returns the solution of the equation of the cushions' law, see `cushion_han2005.han2005`."""
-    return _solution(scene.cushion, (_motion_at(ball, wall, radius), radius, scene.numbers))
+    return scene.laws.solution(_motion_at(ball, wall, radius), radius, scene.numbers)
 
 
 @inlined
-def wall_lane(lane, wall, jump, cushion, numbers, solution, changing):  # out: lane
+def wall_lane(lane, wall, jump, laws, numbers, solution, tangents):  # out: lane
     """Changes a lane by an impact on a cushion.
 
     Args:
         lane: The lane.
         wall: The `Wall`.
         jump: The `Jump`.
-        cushion: `SceneArrays.cushion`.
+        laws: The `TangentLaws`.
         numbers: The `LawNumbers`.
         solution: The result of `cushion_solution`.
-        changing: What changes.
+        tangents: The `Tangents`.
     """
     nx, ny, ball, d_radius = wall.nx, wall.ny, jump.ball, lane[D_RADIUS]
     speed = nx * ball.vx + ny * ball.vy
@@ -399,13 +435,13 @@ def wall_lane(lane, wall, jump, cushion, numbers, solution, changing):  # out: l
     _note(lane, dt, change)
     turn = -wall.curvature * (nx * change.y - ny * change.x)  # at a tip the normal turns with the point of contact
     d_n = (-ny * turn, nx * turn)
-    at = (ball, (nx, ny), jump.radius, cushion, numbers, solution, change, d_n, d_radius, _changes(lane))
-    change = _d_bounce(changing, at)[1]
+    at = (ball, (nx, ny), jump.radius, laws, numbers, solution, change, d_n, d_radius, _changes(lane))
+    change = tangents.bounce(*at)[1]
     put_ball(lane, 0, _shifted(change, jump.after, -dt))
 
 
 @inlined
-def pair_lane(lane, one, two, are_spheres, laws, numbers, changing):  # out: lane
+def pair_lane(lane, one, two, are_spheres, laws, numbers, tangents):  # out: lane
     """Changes a lane by the impact of its two balls.
 
     Args:
@@ -413,23 +449,22 @@ def pair_lane(lane, one, two, are_spheres, laws, numbers, changing):  # out: lan
         one: The `Jump` of the first ball.
         two: That of the second.
         are_spheres: Whether the balls are spheres.
-        laws: `SceneArrays.ball_restitution` and `SceneArrays.ball_friction`.
+        laws: The `TangentLaws`.
         numbers: The `LawNumbers`.
-        changing: What changes.
+        tangents: The `Tangents`.
     """
     a, b, d_a, d_b = one.ball, two.ball, ball_at(lane, 0), ball_at(lane, BALL_WIDTH)
     bodies = (one.radius, two.radius, one.inv_mass, two.inv_mass)
     d_bodies = (lane[D_RADIUS], lane[D_RADIUS + 1], lane[D_INV_MASS], lane[D_INV_MASS + 1])
     dx, dy = b.x - a.x, b.y - a.y
     closing = dx * (b.vx - a.vx) + dy * (b.vy - a.vy)
-    late = distance_change(lane, are_spheres, bodies, changing) * math.sqrt(dx * dx + dy * dy)
+    late = distance_change(lane, are_spheres, bodies, tangents) * math.sqrt(dx * dx + dy * dy)
     late -= dx * (d_b.x - d_a.x) + dy * (d_b.y - d_a.y)
     dt = late * (1.0 / closing) if closing != 0.0 else 0.0
     d_a, d_b = _shifted(d_a, one.before, dt), _shifted(d_b, two.before, dt)
     _note(lane, dt, d_a)
-    restitution, friction = laws
-    at = (restitution, friction, are_spheres, a, b, bodies, numbers, d_a, d_b, d_bodies, _changes(lane))
-    d_a, d_b = _d_meet(changing, at)[1]
+    at = (laws, are_spheres, a, b, bodies, numbers, d_a, d_b, d_bodies, _changes(lane))
+    d_a, d_b = tangents.meet(*at)[1]
     put_ball(lane, 0, _shifted(d_a, one.after, -dt))
     put_ball(lane, BALL_WIDTH, _shifted(d_b, two.after, -dt))
 

@@ -56,8 +56,7 @@ from billiards_env.engine.log import BALL, BALL_BALL, BALL_CUSHION, BALL_POCKET,
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import misses_circle
-from billiards_env.physics.geometry.outline_walls import is_beside
-from billiards_env.physics.geometry.walls import wall_time
+from billiards_env.physics.geometry.walls import is_beside
 from billiards_env.physics.motion import place_after
 from billiards_env.physics.state import Time, later, law_numbers_of
 
@@ -121,14 +120,14 @@ def _set(meeting, margin, normal, rate, now, over):  # out: over
         over: The `MarginPass`.
     """
     (kind, i, j), (nx, ny), out, tape, shot = meeting, normal, over.out, over.tape, over.shot
-    count, lanes, q, changing = len(out.slope), tape.lanes, _column(meeting, shot.scene), shot.changing
+    count, lanes, q, tangents = len(out.slope), tape.lanes, _column(meeting, shot.scene), shot.tangents
     out.margin[i, q], out.time[i, q], out.rate[i, q] = margin, now.hi, rate
     numbers, radius = law_numbers_of(shot.scene.numbers), shot.scene.radius
     stretch = stretch_until(shot.segments, tape.current[i], now, numbers)
     load_changes(i, 0, over.inputs, over.tangent, lanes)
     for c in range(count):
         lane = lanes[c]
-        stretch_lane(lane, 0, stretch, changing)
+        stretch_lane(lane, 0, stretch, tangents)
         out.slope[c, i, q] = nx * lane[DX] + ny * lane[DY]
         if kind == BALL_CUSHION:
             out.slope[c, i, q] += lane[D_RADIUS]
@@ -137,8 +136,8 @@ def _set(meeting, margin, normal, rate, now, over):  # out: over
         load_changes(j, 1, over.inputs, over.tangent, lanes)
         for c in range(count):
             lane = lanes[c]
-            stretch_lane(lane, BALL_WIDTH, stretch, changing)
-            out.slope[c, i, q] += distance_change(lane, shot.is_sphere, (radius[i], radius[j]), changing)
+            stretch_lane(lane, BALL_WIDTH, stretch, tangents)
+            out.slope[c, i, q] += distance_change(lane, shot.is_sphere, (radius[i], radius[j]), tangents)
             out.slope[c, i, q] -= nx * lane[BALL_WIDTH + DX] + ny * lane[BALL_WIDTH + DY]
 
 
@@ -175,7 +174,7 @@ def pass_circle(meeting, circle, swept, span, over):  # out: over
     """Stores the margin of a `Meeting` to a `Circle` on a `Span` with a `Sweep`, if it is the largest."""
     i, q = meeting.ball, _column(meeting, over.shot.scene)
     if over.selected[i, q] and not misses_circle(circle.path, swept, circle.reach - over.out.margin[i, q]):
-        t, faces = nearest_to(circle, span)
+        t, faces = nearest_to(meeting, circle, span, over.shot.scene.outline)
         if faces and (t > 0.0 or span.end == 0.0):
             _approach(meeting, circle, t, t == span.end, False, span.begin, over)
 
@@ -194,7 +193,9 @@ def pass_side(meeting, side, path, span, over):  # out: over
         return  # it was nearer before
     x, y = place_after(path, t)
     margin = nx * x + ny * y - side.room
-    if over.out.margin[meeting.ball, q] < margin <= _TOUCHING and is_beside(side.line, x, y):
+    if over.out.margin[meeting.ball, q] < margin <= _TOUCHING and is_beside(
+        over.shot.scene.outline.lines[meeting.other], x, y
+    ):
         _set(meeting, _signed(margin, False), (nx, ny), v + t * a if t == end else 0.0, later(span.begin, t), over)
 
 
@@ -209,13 +210,13 @@ def _enter_pocket(meeting, circle, path, now, over):  # out: over
     """
     i, scene, out, q = meeting.ball, over.shot.scene, over.out, _column(meeting, over.shot.scene)
     t, cut = turn_time(circle.path), False
-    limit, wall = wall_time(path, scene.radius[i], t, scene.numbers, scene.outline)
+    limit, wall = scene.walls.time(path, scene.radius[i], t, scene)
     if limit < t:
         t, cut = limit, True
     _approach(meeting, circle, t, cut, True, now, over)
     if cut:
         x, y = place_after(path, t)
-        nx, ny, _ = wall_at(x, y, wall, scene.radius[i], scene.outline)
+        nx, ny, _ = wall_at(x, y, wall, scene.radius[i], scene)
         speed = nx * (path.vx + t * path.ax) + ny * (path.vy + t * path.ay)
         for c in range(len(out.slope)):
             lane = over.tape.lanes[c]
@@ -253,7 +254,7 @@ def _meet(e, over):  # out: over
     if kind == BALL_POCKET:
         _enter_pocket(meeting, circle, path, now, over)
     elif circle.reach == math.inf:
-        nx, ny, _ = wall_at(path.x, path.y, other, scene.radius[i], scene.outline)
+        nx, ny, _ = wall_at(path.x, path.y, other, scene.radius[i], scene)
         _hit_side(meeting, (nx, ny), path, now, over)
     else:
         _approach(meeting, circle, turn_time(circle.path), False, True, now, over)
@@ -274,10 +275,11 @@ def _move_ends(i, over):  # out: over
 
 
 @allocating_entry_point
-def push_margins(begin, end, shots, times, inputs, selected, results):  # out: results
+def push_margins(kernels, begin, end, shots, times, inputs, selected, results):  # out: results
     """Computes the margins of shots `begin` to `end` - 1 and their changes by changes of the inputs.
 
     Args:
+        kernels: The `LaneKernels`.
         begin: First shot.
         end: One past the last.
         shots: The `sweeps.RecordedShots`, as a plain tuple.
@@ -292,7 +294,7 @@ def push_margins(begin, end, shots, times, inputs, selected, results):  # out: r
     count, pending = inputs.shape[1], 0
     tape, tangent, rates = empty_tape(begin, end, shots, count), np.empty((n, count, BALL_WIDTH)), np.empty((n, bodies))
     for k in range(begin, end):
-        shot, out = shot_of(shots, k), MarginsOut(margins[k], nearest[k], rates, slopes[k])
+        shot, out = shot_of(kernels, shots, k), MarginsOut(margins[k], nearest[k], rates, slopes[k])
         trace(shot, tape)
         over = MarginPass(shot, tape, selected, inputs[k], tangent, out)
         out.margin[:] = -math.inf

@@ -51,8 +51,7 @@ from billiards_env.engine.log import (
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import misses_circle
-from billiards_env.physics.geometry.outline_walls import is_beside
-from billiards_env.physics.geometry.walls import is_at_joint
+from billiards_env.physics.geometry.walls import is_at_joint, is_beside
 from billiards_env.physics.laws.cloth import NEAR, roll_speed_near
 from billiards_env.physics.motion import place_after
 from billiards_env.physics.state import (
@@ -84,8 +83,8 @@ REASONS = {
     "speed at which `mu_roll_speed` changes the resistance",
     "cushion": "at a cushion, the law of the restitution has a kink: at the speed `e_cushion_onset`, at the "
     'restitution `e_cushion_floor` or 1, and with `"han2005_variable"` at no topspin or at the topspin of a rolling '
-    'ball. At a `"mathavan2010"` cushion, the slip is zero at first, or it stops and begins again at once, or it '
-    "changes too often to compute the derivative",
+    'ball. At a `"mathavan2010"` cushion, the slip is zero at first, or it stops and begins again at once, or no '
+    "slip is left, or one creeps for hundreds of steps",
     "joint": "a ball touches a cushion where its curvature changes, within 2e-10 m",
     "cut": "the shot, or `t`, ends at the instant of an event",
     "overflow": "after many impacts the derivative exceeds 1e100. It soon overflows to infinity or NaN",
@@ -174,7 +173,7 @@ def pass_circle(meeting, circle, swept, span, over):  # out: over
     path, reach = circle.path, circle.reach
     if misses_circle(path, swept, reach + over.within[0]):
         return
-    t, faces = nearest_to(circle, span)
+    t, faces = nearest_to(meeting, circle, span, over.shot.scene.outline)
     x, y = place_after(path, t)
     vx, vy, distance = path.vx + t * path.ax, path.vy + t * path.ay, norm(x, y)
     if faces and distance > 0.0:
@@ -189,7 +188,7 @@ def pass_side(meeting, side, path, span, over):  # out: over
     t = min(max(-v / a, 0.0), end) if a < 0.0 else (end if v + 0.5 * end * a > 0.0 else 0.0)
     x, y = place_after(path, t)
     vx, vy = path.vx + t * path.ax, path.vy + t * path.ay
-    if is_beside(side.line, x, y):
+    if is_beside(over.shot.scene.outline.lines[meeting.other], x, y):
         _touch(nx * x + ny * y - side.room, v + t * a, norm(vx, vy), t, meeting, span, over)
 
 
@@ -218,7 +217,7 @@ def _at_step(segment, time, over):
 @inlined
 def _is_smooth_cushion(i, wall, ball, scene):
     """Returns whether the impact of ball i with a `BallState` on a cushion has a derivative."""
-    touched = wall_at(ball.x, ball.y, wall, scene.radius[i], scene.outline)
+    touched = wall_at(ball.x, ball.y, wall, scene.radius[i], scene)
     return cushion_is_smooth(ball, touched, scene.radius[i], scene)
 
 
@@ -238,7 +237,7 @@ def _grazes(e, speed, over):
     if circle.reach < math.inf:
         return _grazes_circle(circle.path, circle.reach, speed, gap)
     path, i, other = path_before(e, 0, over), int(over.shot.events[e, BALL]), int(over.shot.events[e, OTHER])
-    nx, ny, _ = wall_at(path.x, path.y, other, over.shot.scene.radius[i], over.shot.scene.outline)
+    nx, ny, _ = wall_at(path.x, path.y, other, over.shot.scene.radius[i], over.shot.scene)
     v, a = nx * path.vx + ny * path.vy, nx * path.ax + ny * path.ay
     return v <= GRAZE * speed or (a < 0.0 and -0.5 * v * v / a <= gap)
 
@@ -283,7 +282,7 @@ def _judge(e, over):  # out: over
         _find(time, e, AT_LIP if kind == BALL_POCKET else GRAZING, over)
     elif kind == BALL_CUSHION and not _is_smooth_cushion(i, other, ball, scene):
         _find(time, e, AT_CUSHION, over)
-    elif kind == BALL_CUSHION and is_at_joint(scene.outline, other, ball.x, ball.y, over.within[0]):
+    elif kind == BALL_CUSHION and is_at_joint(other, ball.x, ball.y, over.within[0], scene.outline):
         _find(time, e, AT_JOINT, over)
 
 
@@ -305,10 +304,11 @@ def _cut(done, over):  # out: over
 
 
 @allocating_entry_point
-def find_nonsmooth(begin, end, shots, times, within, results):  # out: results
+def find_nonsmooth(kernels, begin, end, shots, times, within, results):  # out: results
     """Finds the first reason why shots `begin` to `end` - 1 have no derivative.
 
     Args:
+        kernels: The `LaneKernels`.
         begin: First shot.
         end: One past the last.
         shots: The `RecordedShots`, as a plain tuple.
@@ -322,7 +322,7 @@ def find_nonsmooth(begin, end, shots, times, within, results):  # out: results
     tape, n, first, pending = empty_tape(begin, end, shots, 0), len(shots.scene[1]), np.empty(1), 0
     last = np.empty(n, np.int64)
     for k in range(begin, end):
-        shot, at, until = shot_of(shots, k), shots.bounds[k, 0], Time(times[k], 0.0)
+        shot, at, until = shot_of(kernels, shots, k), shots.bounds[k, 0], Time(times[k], 0.0)
         log = shot.events
         trace(shot, tape)
         over = Pass(

@@ -24,11 +24,10 @@ from billiards_env.engine.log import (
 )
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.geometry.contact import contact_distance, sweep
-from billiards_env.physics.geometry.outline_walls import Circle, is_on_arc, line_side, tip_circle
 from billiards_env.physics.geometry.pockets import path_to
 from billiards_env.physics.geometry.roots import bracketed_root, quartic
-from billiards_env.physics.geometry.walls import rectangle_side
-from billiards_env.physics.motion import Path, difference, path_after, place_after
+from billiards_env.physics.geometry.walls import Circle, centres_at, is_on_arc, line_side, tip_circle
+from billiards_env.physics.motion import Path, difference, path_after, place_after, relative_to
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -145,36 +144,30 @@ def path_before(e, s, over):
 
 
 @inlined
-def _touched_cushion(outline, path, wall, radius):
-    """Returns the `Circle` of a cushion, whose radius is infinite if the cushion is straight."""
-    if outline is None:
-        return Circle(path, math.inf, None)
-    if wall < len(outline.lines):
-        return Circle(path, math.inf, None)
-    from_tip, reach, _ = tip_circle(path, outline.tips[wall - len(outline.lines)], radius)
-    return Circle(from_tip, reach, None)
-
-
-@inlined
 def touched_circle(e, over):
-    """Returns the `Circle` of the contact at event e, with the `path_before`; see `_touched_cushion`."""
+    """Returns the `Circle` of the contact at event e, with the `path_before`. It is infinite for a straight cushion."""
     events, scene, path = over.shot.events, over.shot.scene, path_before(e, 0, over)
     kind, i, other = events[e, KIND], int(events[e, BALL]), int(events[e, OTHER])
     if kind == BALL_BALL:
         second = path_before(e, 1, over)
         between = difference(path, second) if i < other else difference(second, path)
-        return Circle(between, contact_distance(scene.spheres, scene.radius, i, other), None)
+        return Circle(between, contact_distance(scene.spheres, scene.radius, i, other))
     if kind == BALL_POCKET:
-        return Circle(*path_to(path, scene.pockets[other]), None)
-    return _touched_cushion(scene.outline, path, other, scene.radius[i])
+        return Circle(*path_to(path, scene.pockets[other]))
+    x, y, reach = centres_at(other, scene.radius[i], scene.outline)
+    return Circle(relative_to(path, x, y), reach)
 
 
 @inlined
-def nearest_to(circle, span):
-    """Returns when, in a `Span`, a ball is nearest to a `Circle`, s, and whether a tip's arc is nearest to it then."""
+def nearest_to(meeting, circle, span, outline):
+    """Returns when, in a `Span`, a ball is nearest to the `Circle` of a `Meeting`, s, and whether the meeting counts.
+
+    A meeting with a tip counts if the arc of the tip is nearest to the ball then.
+    """
     t = nearest_time(circle.path, span.end)
-    x, y = place_after(circle.path, t)
-    return t, is_on_arc(circle.tip, x, y)
+    if meeting.kind != BALL_CUSHION:
+        return t, True
+    return t, is_on_arc(outline.tips[meeting.other - len(outline.lines)], *place_after(circle.path, t))
 
 
 def passing(pass_circle: Callable[..., None], pass_side: Callable[..., None], at_once: bool) -> Callable[..., None]:
@@ -186,20 +179,10 @@ def passing(pass_circle: Callable[..., None], pass_side: Callable[..., None], at
         at_once: Whether to visit the bodies on pieces without duration.
     """
 
-    @inlined
-    def pass_cushions(outline, i, path, swept, span, over):  # out: over
-        """Visits the cushions."""
-        if outline is None:
-            for wall in range(4):
-                side = rectangle_side(wall, over.shot.scene.radius[i], over.shot.scene.numbers)
-                pass_side(Meeting(BALL_CUSHION, i, wall), side, path, span, over)
-        else:
-            pass_outline(outline, i, path, swept, span, over)
-
     @kernel
-    def pass_outline(outline, i, path, swept, span, over):  # out: over
-        """Implements `pass_cushions` for an outline."""
-        radius, lines, tips = over.shot.scene.radius[i], outline.lines, outline.tips
+    def pass_cushions(i, path, swept, span, over):  # out: over
+        """Visits the cushions."""
+        radius, lines, tips = over.shot.scene.radius[i], over.shot.scene.outline.lines, over.shot.scene.outline.tips
         for k in range(len(lines)):
             pass_side(Meeting(BALL_CUSHION, i, k), line_side(lines[k], radius), path, span, over)
         for k in range(len(tips)):
@@ -222,9 +205,9 @@ def passing(pass_circle: Callable[..., None], pass_side: Callable[..., None], at
         if moves:
             swept, span = sweep(path, end), Span(begin, end, event)
             for p in range(len(scene.pockets)):
-                circle = Circle(*path_to(path, scene.pockets[p]), None)
+                circle = Circle(*path_to(path, scene.pockets[p]))
                 pass_circle(Meeting(BALL_POCKET, i, p), circle, swept, span, over)
-            pass_cushions(scene.outline, i, path, swept, span, over)
+            pass_cushions(i, path, swept, span, over)
         for k in range(i + 1 if starts else 0, len(scene.radius)):
             other = segments[tape.current[k]]
             second = other[SEGMENT_ROW:]
@@ -237,7 +220,7 @@ def passing(pass_circle: Callable[..., None], pass_side: Callable[..., None], at
             if end > 0.0 or (end == 0.0 and (at_once or starts)):
                 one, two = path_from(segments[tape.current[low]], start), path_from(segments[tape.current[high]], start)
                 between, reach = difference(one, two), contact_distance(scene.spheres, scene.radius, low, high)
-                circle, span = Circle(between, reach, None), Span(start, end, event)
+                circle, span = Circle(between, reach), Span(start, end, event)
                 pass_circle(Meeting(BALL_BALL, low, high), circle, sweep(between, end), span, over)
 
     return pass_bodies

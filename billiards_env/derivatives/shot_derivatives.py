@@ -30,11 +30,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.derivatives.error_bounds import bound_errors
-from billiards_env.derivatives.lanes import ALSO_CONSTANTS, BALL_WIDTH, ONLY_STATES, strike_jacobians
+from billiards_env.derivatives.lanes import BALL_WIDTH, lane_kernels, strike_jacobians
 from billiards_env.derivatives.margin_sweep import push_margins
 from billiards_env.derivatives.nonsmooth_events import OVERFLOWS, REASONS, ROUNDING, find_nonsmooth
 from billiards_env.derivatives.sweeps import BALL_INPUTS, NUMBER_INPUTS, pull_lanes, push_lanes
-from billiards_env.engine.compile import PIC, Varied, physics_of_shots, scene_fields, varied_fields
+from billiards_env.engine.compile import PIC, Varied, physics_of_shots, scene_fields, scene_kernels, varied_fields
 from billiards_env.engine.log import BALL_POCKET, KIND, SEGMENT_ROW, TIME, ShotLog
 from billiards_env.engine.strikes import checked_strike
 from billiards_env.engine.threads import parallel_for
@@ -398,9 +398,9 @@ def _for_all(record: Record, run: Callable[..., Any], threads: int | None, input
     scene = record.scene
     fields, is_sphere = varied_fields(scene, PIC, record.varied, len(record.time)), scene.balls.shape == "sphere"
     constants = inputs is not None and inputs.shape[-1] > BALL_INPUTS * scene.n_balls
-    changing = ALSO_CONSTANTS if constants else ONLY_STATES
-    shots = record.log.bounds, record.log.events, record.log.segments, fields, changing, is_sphere
-    parallel_for(lambda begin, end: run(begin, end, shots, *arrays), len(record.time), threads)
+    kernels = lane_kernels(scene_kernels(scene), constants)
+    shots = record.log.bounds, record.log.events, record.log.segments, fields, is_sphere
+    parallel_for(lambda begin, end: run(kernels, begin, end, shots, *arrays), len(record.time), threads)
 
 
 def _push(record: Record, times: Floats, inputs: Floats, most: int, threads: int | None) -> tuple[Floats, Floats]:
@@ -416,7 +416,7 @@ def margin_columns(scene: Scene) -> dict[str, slice]:
     """Returns the columns of each kind of margin in the arrays of `push_margins`."""
     outline = scene_fields(scene)[4]
     n, p = scene.n_balls, len(scene.table.pockets)
-    c = 4 if outline is None else len(outline[0]) + len(outline[1])
+    c = len(outline[0]) + len(outline[1])
     return dict(zip(MARGINS, (slice(0, n), slice(n, n + p), slice(n + p, n + p + c)), strict=True))
 
 
@@ -791,7 +791,8 @@ def _error_bounds(record: Record, n_events: int) -> Floats:
     states, bounds = start_states(record)[0], np.empty((n_events + 1, 2))
     speed = max(np.abs(states[:, 2:4]).max(), radius * np.abs(states[:, 4:]).max())
     inputs = _unit_starts(record, np.array([largest] * 2 + [speed] * 2 + [speed / radius] * 3))
-    _for_all(record, bound_errors, 1, inputs, record.time, inputs, 2.0 * SAFETY * UNIT_ROUNDOFF, largest, bounds)
+    limits = 2.0 * SAFETY * UNIT_ROUNDOFF, largest
+    _for_all(record, bound_errors, 1, inputs, record.time, inputs, limits, bounds)
     return np.maximum(bounds, ROUNDING)
 
 

@@ -66,7 +66,7 @@ from billiards_env.jit import allocating, allocating_entry_point, expanded, inli
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import meet
 from billiards_env.physics.ball_cushion import bounce
-from billiards_env.physics.geometry.walls import normal_at
+from billiards_env.physics.geometry.walls import NX, NY
 from billiards_env.physics.laws.cloth import coast, drive, phase_of
 from billiards_env.physics.state import (
     AX,
@@ -109,8 +109,7 @@ class RecordedShots(NamedTuple):
         bounds: `ShotLog.bounds`.
         events: `ShotLog.events`.
         segments: `ShotLog.segments`.
-        scene: The `SceneArrays`, as a plain tuple.
-        changing: What changes, see `derivatives.lanes.ONLY_STATES`.
+        scene: The `SceneArrays` without kernels, as a plain tuple.
         is_sphere: Whether the balls are spheres.
     """
 
@@ -118,26 +117,26 @@ class RecordedShots(NamedTuple):
     events: Any
     segments: Any
     scene: Any
-    changing: Any
     is_sphere: Any
 
 
 class RecordedShot(NamedTuple):
-    """One of `RecordedShots`: its rows of the log, and its `SceneArrays`."""
+    """One of `RecordedShots`: its rows of the log, its `SceneArrays` with `TangentLaws`, and the `Tangents`."""
 
     events: Any
     segments: Any
     scene: SceneArrays
-    changing: Any
+    tangents: Any
     is_sphere: Any
 
 
 @expanded
-def shot_of(shots, k):
-    """Returns the `RecordedShot` with the number k."""
+def shot_of(kernels, shots, k):
+    """Returns the `RecordedShot` with the number k; `kernels` are the `LaneKernels`."""
     at, after = shots.bounds[k], shots.bounds[k + 1]
     events, segments = shots.events[at[0] : after[0]], shots.segments[at[1] : after[1]]
-    return RecordedShot(events, segments, scene_of(shots.scene, k), shots.changing, shots.is_sphere)
+    scene = scene_of(kernels.scene, shots.scene, k)
+    return RecordedShot(events, segments, scene, kernels.tangents, shots.is_sphere)
 
 
 @inlined
@@ -303,12 +302,11 @@ def trace(shot, tape):  # out: tape
                 second = ball_before(piece + 1, stretch, segments, tape)
                 if _approach(ball, second):
                     bodies = (scene.radius[i], scene.radius[other], scene.inv_mass[i], scene.inv_mass[other])
-                    laws = scene.ball_restitution, scene.ball_friction
-                    ball, second = meet(*laws, shot.is_sphere, ball, second, bodies, numbers)
+                    ball, second = meet(scene.laws, shot.is_sphere, ball, second, bodies, numbers)
                 _begin_within(piece + 1, second, segments, tape)
             else:
-                wall = wall_at(ball.x, ball.y, other, scene.radius[i], scene.outline)
-                ball = bounce(ball, (wall.nx, wall.ny), scene.radius[i], scene.cushion, numbers, None)
+                wall = wall_at(ball.x, ball.y, other, scene.radius[i], scene)
+                ball = bounce(ball, (wall.nx, wall.ny), scene.radius[i], scene.laws, numbers, None)
             _begin_within(piece, ball, segments, tape)
         piece += balls
 
@@ -329,7 +327,7 @@ def _approach(a, b):
 @inlined
 def apply_event(e, count, shot, tape):  # out: tape
     """Changes the first `count` lanes by event e of a `RecordedShot` and the stretches of its balls before it."""
-    events, segments, scene, changing, is_sphere = shot
+    events, segments, scene, tangents, is_sphere = shot
     numbers, lanes, piece = law_numbers_of(scene.numbers), tape.lanes, tape.first[e]
     kind, now, i, other = int(events[e, KIND]), event_time(events, e), int(events[e, BALL]), int(events[e, OTHER])
     phase = int(segments[piece, SEGMENT_PHASE])
@@ -343,24 +341,23 @@ def apply_event(e, count, shot, tape):  # out: tape
         meets = _approach(ball, two.ball)
         for c in range(count):
             lane = lanes[c]
-            stretch_lane(lane, 0, stretch, changing)
-            stretch_lane(lane, BALL_WIDTH, second, changing)
+            stretch_lane(lane, 0, stretch, tangents)
+            stretch_lane(lane, BALL_WIDTH, second, tangents)
             if meets:
-                laws = (scene.ball_restitution, scene.ball_friction)
-                pair_lane(lane, one, two, is_sphere, laws, numbers, changing)
+                pair_lane(lane, one, two, is_sphere, scene.laws, numbers, tangents)
             else:
                 lane[D_TIME] = lane[D_TIME + 1] = lane[D_TIME + 2] = 0.0
             settle_lane(lane, 0, phase, numbers)
             settle_lane(lane, BALL_WIDTH, other_phase, numbers)
     elif kind == BALL_CUSHION:
-        wall = wall_at(ball.x, ball.y, other, one.radius, scene.outline)
+        wall = wall_at(ball.x, ball.y, other, one.radius, scene)
         meets = wall.nx * ball.vx + wall.ny * ball.vy >= 0.0
         solution = cushion_solution(ball, wall, one.radius, scene)
         for c in range(count):
             lane = lanes[c]
-            stretch_lane(lane, 0, stretch, changing)
+            stretch_lane(lane, 0, stretch, tangents)
             if meets:
-                wall_lane(lane, wall, one, scene.cushion, numbers, solution, changing)
+                wall_lane(lane, wall, one, scene.laws, numbers, solution, tangents)
             else:  # the second of two cushions, if friction at the first one takes the ball away from it
                 lane[D_TIME] = lane[D_TIME + 1] = lane[D_TIME + 2] = 0.0
             settle_lane(lane, 0, phase, numbers)
@@ -368,10 +365,10 @@ def apply_event(e, count, shot, tape):  # out: tape
         for c in range(count):
             lane = lanes[c]
             if kind == BALL_POCKET:
-                stretch_lane(lane, 0, stretch, changing)
+                stretch_lane(lane, 0, stretch, tangents)
                 pocket_lane(lane, ball, scene.pockets[other])
             else:
-                phase_end_lane(lane, stretch, one.before, one.after, changing)
+                phase_end_lane(lane, stretch, one.before, one.after, tangents)
             settle_lane(lane, 0, phase, numbers)
 
 
@@ -382,8 +379,8 @@ def _apply_end(i, count, until, shot, tape):  # out: tape
     stretch = stretch_until(shot.segments, tape.current[i], Time(until, 0.0), numbers)
     ball = _coasted(shot.segments, tape.current[i], stretch)
     for c in range(count):
-        stretch_lane(tape.lanes[c], 0, stretch, shot.changing)
-        end_lane(tape.lanes[c], ball, shot.scene.radius[i], numbers, shot.changing)
+        stretch_lane(tape.lanes[c], 0, stretch, shot.tangents)
+        end_lane(tape.lanes[c], ball, shot.scene.radius[i], numbers, shot.tangents)
 
 
 @inlined
@@ -417,7 +414,7 @@ def _start(i, count, until, shot, lanes):  # out: lanes
     segments, scene = shot.segments, shot.scene
     phase, numbers = _phase_until(i, until, segments), law_numbers_of(scene.numbers)
     for c in range(count):
-        start_lane(lanes[c], ball_of(segments[i, SEGMENT_ROW:]), phase, scene.radius[i], numbers, shot.changing)
+        start_lane(lanes[c], ball_of(segments[i, SEGMENT_ROW:]), phase, scene.radius[i], numbers, shot.tangents)
 
 
 @inlined
@@ -452,10 +449,11 @@ def push_event(e, inputs, shot, tangent, tape):  # out: tangent, tape
 
 
 @allocating_entry_point
-def push_lanes(begin, end, shots, times, inputs, results):  # out: results
+def push_lanes(kernels, begin, end, shots, times, inputs, results):  # out: results
     """Computes the changes of shots `begin` to `end` - 1 by changes of their inputs.
 
     Args:
+        kernels: The `LaneKernels`.
         begin: First shot.
         end: One past the last.
         shots: The `RecordedShots`, as a plain tuple.
@@ -469,7 +467,7 @@ def push_lanes(begin, end, shots, times, inputs, results):  # out: results
     n, count, most = outputs.shape[3], inputs.shape[1], at_events.shape[2]
     tape, tangent, pending = empty_tape(begin, end, shots, count), np.empty((n, count, BALL_WIDTH)), 0
     for k in range(begin, end):
-        shot, changes, lanes = shot_of(shots, k), inputs[k], tape.lanes
+        shot, changes, lanes = shot_of(kernels, shots, k), inputs[k], tape.lanes
         trace(shot, tape)
         begin_lanes(changes, times[k, -1], shot, tangent, tape)
         at_events[k] = 0.0
@@ -598,17 +596,14 @@ def _pull(count, i, other, columns, event, tape, adjoint, sums):  # out: tape, a
 
 
 @inlined
-def _coordinate_along(outline, wall):
+def _coordinate_along(wall, lines):
     """Returns the column of the coordinate along a straight cushion that is parallel to an axis; -1 for others.
 
     A ball that starts farther along such a cushion hits it at the same time and with the same motion.
     """
-    if outline is None:
-        return DY if wall < 2 else DX
-    if wall >= len(outline.lines):
+    if wall >= len(lines):
         return -1
-    nx, ny = normal_at(0.0, 0.0, wall, outline)
-    return DY if ny == 0.0 else (DX if nx == 0.0 else -1)
+    return DY if lines[wall, NY] == 0.0 else (DX if lines[wall, NX] == 0.0 else -1)
 
 
 @inlined
@@ -628,10 +623,11 @@ def _is_zero(i, adjoint):
 
 
 @allocating_entry_point
-def pull_lanes(begin, end, shots, times, outputs, at_events, inputs):  # out: outputs, inputs
+def pull_lanes(kernels, begin, end, shots, times, outputs, at_events, inputs):  # out: outputs, inputs
     """Computes the products of adjoints of the outputs of shots `begin` to `end` - 1 with their Jacobians.
 
     Args:
+        kernels: The `LaneKernels`.
         begin: First shot.
         end: One past the last.
         shots: The `RecordedShots`, as a plain tuple.
@@ -647,7 +643,7 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, inputs):  # out: ou
     tape = empty_tape(begin, end, shots, MOST_LANES)
     at_event, pending = np.zeros((count, 3)), 0
     for k in range(begin, end):
-        shot, adjoint, sums = shot_of(shots, k), outputs[k], inputs[k]
+        shot, adjoint, sums = shot_of(kernels, shots, k), outputs[k], inputs[k]
         log, paths, motion = shot.events, shot.segments, shot.scene.numbers.motion
         trace(shot, tape)
         sums[:] = 0.0
@@ -680,7 +676,7 @@ def pull_lanes(begin, end, shots, times, outputs, at_events, inputs):  # out: ou
             spins_on = kind > BALL_POCKET and phase != SPINNING  # the spin about the vertical axis acts only on itself
             without = -1
             if kind == BALL_CUSHION and not marked:
-                without = _coordinate_along(shot.scene.outline, int(log[e, OTHER]))
+                without = _coordinate_along(int(log[e, OTHER]), shot.scene.outline.lines)
             columns = (0 if kind <= BALL_POCKET or marked else DVX, DWZ if spins_on else BALL_WIDTH, without)
             lanes = _ball_columns(0, phase, columns, 0, motion, tape.column)
             if j >= 0:

@@ -8,17 +8,21 @@ arguments that are constant in this call are left out. The tangent computes the 
 
 A kernel may consist of:
 
-* assignments to names and tuples of names, also `a = b = value` and `a += value`; `if`; `for` over constant values,
-  `break` and `continue`; `return`,
+* assignments to names, to `a[i]` and to tuples of them, also `a = b = value` and `a += value`; `if`; `for` over
+  constant values, `break` and `continue`; `return`,
 * numbers, names, tuples, attributes, `a[i]` with a constant i,
 * `+ - * /`, comparisons, `and`, `or`, `not`, `a if condition else b`,
 * `abs`, `math.sqrt`, `max` and `min` of two numbers, NamedTuples, which may have keyword arguments, and calls of other
-  kernels with positional arguments, but no call of a kernel within `a if condition else b` or a condition.
+  kernels with positional arguments, but no call of a kernel within `a if condition else b` or a condition,
+* calls of kernels that are fields of an argument without a change. The tangent of `laws.friction` is `laws.d_friction`,
+  for the same constants as in the call.
 
-A call whose result does not depend on what changes is left as it is.
+A call whose result does not depend on what changes is left as it is, unless the kernel writes to an array. A kernel
+without arguments that makes an array has a rule, whose change is another array.
 
 Everything else is an error, whose message has the line. The tangents of called kernels are made in the same way. `rule`
-gives a kernel a tangent of another form: for an iteration, differentiate the equation that it solves.
+gives a kernel a tangent of another form: for an iteration, differentiate the equation that it solves. The rule None
+ignores the change of the result.
 
 The derivative at a branch is that of the branch that is taken. So the derivative of `max(a, b)` and `min(a, b)` at
 a = b is that of a, that of `abs(x)` at 0 is 1, and that of `math.sqrt(x)` at 0 is 0.
@@ -41,8 +45,13 @@ from typing import Any, NamedTuple, NoReturn
 from billiards_env.jit import inlined, kernel
 
 
+def as_kernel(tangent: Any) -> Any:
+    """Returns a tangent as a kernel that may be an argument."""
+    return inlined(lambda *arguments: tangent(*arguments))
+
+
 class _Rule(NamedTuple):
-    call: Callable[..., Any]
+    call: Callable[..., Any] | None
     constant: frozenset[str]
 
 
@@ -67,7 +76,7 @@ class Tangent:
 
     @property
     def result_changes(self) -> bool:
-        """Whether its result depends on the arguments that change."""
+        """Whether its result, or an array that it writes to, depends on the arguments that change."""
         return self._writer.result_changes
 
     @property
@@ -101,7 +110,10 @@ class Tangent:
 
 
 def rule(function: Callable[..., Any], *, constant: Collection[str] = ()) -> Callable[[Any], Any]:
-    """Returns a decorator that makes a kernel the tangent of `function` if the arguments `constant` do not change."""
+    """Returns a decorator that makes a kernel the tangent of `function` if the arguments `constant` do not change.
+
+    It also takes None, for a result whose change is ignored.
+    """
 
     def decorate(call: Any) -> Any:
         _RULES.setdefault(function, []).append(_Rule(call, frozenset(constant)))
@@ -143,8 +155,11 @@ def _is_plain(function: str) -> bool:
 
 
 def _names_in(target: Any) -> set[str]:
-    """Returns the names in the target of an assignment."""
-    return {part.id for part in ast.walk(target) if isinstance(part, ast.Name)} - {"_"}
+    """Returns the names in the target of an assignment, which are values or arrays."""
+    if isinstance(target, ast.Tuple):
+        return set().union(*map(_names_in, target.elts))
+    name = target.value if isinstance(target, ast.Subscript) else target
+    return {name.id} - {"_"} if isinstance(name, ast.Name) else set()
 
 
 def _pairs(target: Any, value: Any) -> Iterator[tuple[Any, Any]]:
@@ -180,7 +195,9 @@ class _Writer:
         self.write(f"def d_{definition.name}({', '.join(arguments + changes)}):")
         self.block(definition.body)
         returned = (node.value for node in ast.walk(definition) if isinstance(node, ast.Return))
-        self.result_changes = any(map(self.changes, returned))
+        written = (node for node in ast.walk(definition) if isinstance(node, ast.Subscript))
+        writes = any(isinstance(node.ctx, ast.Store) and self.changes(node) for node in written)
+        self.result_changes = writes or any(map(self.changes, returned))
         self.source = ast.unparse(ast.parse("\n".join(self.lines))) + "\n"
 
     def refuse(self, node: Any) -> NoReturn:
@@ -215,15 +232,21 @@ class _Writer:
                 return self.changes(node.value)
             case ast.Call(func=ast.Name(id="len" | "range")):
                 return False
-            case ast.Call() if self.complete and self.is_kernel(node) and any(map(self.changes, node.args)):
+            case ast.Call() if self.is_kernel(node) and (
+                not node.args or (self.complete and any(map(self.changes, node.args)))
+            ):
                 tangent: Any = _tangent(*self.called(node)).call
-                return not isinstance(tangent, Tangent) or tangent.result_changes
+                return tangent.result_changes if isinstance(tangent, Tangent) else tangent is not None
         return any(self.changes(part) for part in ast.iter_child_nodes(node))
 
     def is_kernel(self, node: ast.Call) -> bool:
         """Returns whether a call calls a kernel."""
         function = ast.unparse(node.func)
         return function in self.globals and not _is_plain(function) and not hasattr(self.globals[function], "_fields")
+
+    def is_passed(self, function: Any) -> bool:
+        """Returns whether a call calls a field of an argument that does not change."""
+        return isinstance(function, ast.Attribute) and ast.unparse(function.value) in self.kept
 
     def called(self, node: ast.Call) -> tuple[Any, frozenset[str]]:
         """Returns the kernel that a call calls, and the names of its arguments that do not change."""
@@ -274,8 +297,8 @@ class _Writer:
 
     def assign(self, target: Any, value: str, change: str | None, node: Any) -> None:
         names = _names_in(target)
-        plain = all(isinstance(part, ast.Name | ast.Tuple | ast.Store) for part in ast.walk(target))
-        if not plain or self.kept.intersection(names):
+        places = (part for part, _ in _pairs(target, target))
+        if not all(isinstance(part, ast.Name | ast.Subscript) for part in places) or self.kept.intersection(names):
             self.refuse(target)
         if not names & self.active:
             self.write(f"{ast.unparse(target)} = {value}")
@@ -289,7 +312,7 @@ class _Writer:
             return "_"
         if isinstance(target, ast.Tuple):
             return f"({', '.join(map(self.changed_part, target.elts))})"
-        return f"d_{target.id}"
+        return f"d_{ast.unparse(target)}"
 
     # Expressions. -------------------------------------------------------------------------------------------------
 
@@ -386,19 +409,29 @@ class _Calls(ast.NodeTransformer):
         self.generic_visit(node)
         if _is_plain(function) or hasattr(called, "_fields"):
             return node
-        if called is None:
+        if called is None and not writer.is_passed(node.func):
             writer.refuse(node)
         result, values = f"_{writer.calls}", ", ".join(map(ast.unparse, node.args))
         writer.calls += 1
         if not writer.changes(node):
             writer.write(f"{result} = {function}({values})")
         else:
-            tangent, d_function = _tangent(*writer.called(node)), f"d_{function}"
-            while writer.tangents.setdefault(d_function, tangent.call) is not tangent.call:
-                d_function += "_"
-            names = inspect.signature(getattr(called, "py_func", called)).parameters
-            changing = [part for name, part in zip(names, node.args, strict=True) if name not in tangent.constant]
-            changes = [writer.change(part) or writer.zero(part) for part in changing]
+            d_function, changes = self.passed(node) if called is None else self.known(node)
             writer.write(f"{result}, d_{result} = {d_function}({', '.join([values, *changes])})")
             writer.active.add(result)
         return ast.copy_location(ast.Name(result), node)
+
+    def passed(self, node: ast.Call) -> tuple[str, list[str]]:
+        """Returns the name of the tangent of a field of an argument, and the changes of its arguments."""
+        argument, _, field = ast.unparse(node.func).rpartition(".")
+        return f"{argument}.d_{field}", [change for change in map(self.writer.change, node.args) if change]
+
+    def known(self, node: ast.Call) -> tuple[str, list[str]]:
+        """Returns the name of the tangent of another kernel, and the changes of its arguments."""
+        writer, (called, constant) = self.writer, self.writer.called(node)
+        tangent, d_function = _tangent(called, constant), f"d_{ast.unparse(node.func)}"
+        while writer.tangents.setdefault(d_function, tangent.call) is not tangent.call:
+            d_function += "_"
+        names = inspect.signature(getattr(called, "py_func", called)).parameters
+        changing = [part for name, part in zip(names, node.args, strict=True) if name not in tangent.constant]
+        return d_function, [writer.change(part) or writer.zero(part) for part in changing]

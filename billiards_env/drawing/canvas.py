@@ -92,7 +92,7 @@ class Canvas:
         self.scale = min(available / length, available / breadth)
         height = math.ceil(breadth * self.scale) + self._margin + self._bar
         self.size = (width, height + height % 2)
-        self._half = self.scale * np.array([length, breadth]) / 2
+        self._half = self.scale * np.array(scene.half_extents)  # of the cloth
         self._middle = (width / 2, self._margin + breadth * self.scale / 2)
         self.looks = looks(scene, palette)
         self._tray = tray(scene.n_balls, width, self._bar)
@@ -219,10 +219,8 @@ class Canvas:
         start = self.pixels_of(position) + ARROW_START * radius * along
         length = max(self.scale * ARROW * speed, 0.8 * radius)
         room = self._half - np.sign(along) * (start - self._middle)
-        for k in np.flatnonzero(along):  # the tip stays on the table, because it is invisible outside
-            length = min(length, room[k] / abs(along[k]))
-        if length <= 0:
-            return
+        for k in np.flatnonzero(along):  # the tip ends at the cushion, or on the rail if the ball is next to it
+            length = min(length, max(room[k] / abs(along[k]), 2.5 * radius))
         head, half = min(0.9 * radius, length), 0.16 * radius
         tip, neck = start + length * along, start + (length - head) * along
         shape = [start + half * across, neck + half * across, neck + 0.45 * radius * across, tip]

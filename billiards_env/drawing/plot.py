@@ -295,14 +295,15 @@ def draw_ball(ax: Axes, radius: float, look: Look, position: ArrayLike, ghost: b
             ax.add_patch(band)
             band.set_clip_path(disc)
         _disc(ax, (x, y), radius, 8.2, edgecolor=CHALK, linewidth=0.8)
-    size, ink = 8 if len(look.number) < 2 else 6.5, CHALK if ghost else look.ink
+    size, ink = 8 if len(look.number) < 2 else 6.5, CHALK if ghost or look.dots else look.ink
+    y -= 2.2 * radius * bool(look.dots)  # a name has its place under the ball
     ax.text(x, y, look.number, fontsize=size, color=ink, ha="center", va="center_baseline", zorder=9, clip_on=True)
 
 
 def _draw_events(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None:
-    """Draws the marks, and their times where they do not overlap."""
-    scene, labelled = recording.scene, []
-    label_height = 0.03 * scene.table.length
+    """Draws the marks of contacts, and their times, where they do not overlap: a break does not hide its rack."""
+    scene, labelled, hits = recording.scene, [], []
+    room = 0.06 * scene.table.length  # the width of a text, which may be upright
     for event in recording.events:
         kind, ball, other, time = event["kind"], int(event["ball"]), int(event["other"]), float(event["time"])
         if kind not in MARKS or (kind in ("ball_ball", "cushion") and event["speed"] < WEAK):
@@ -314,6 +315,9 @@ def _draw_events(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None
             share = scene.balls.radius[ball] / (scene.balls.radius[ball] + scene.balls.radius[other])
             point = first + share * (second - first)
             fill = CHALK
+            if any(np.hypot(*(point - hit)) < 2 * scene.balls.radius[ball] for hit in hits):
+                continue
+            hits.append(point)
             for k, centre in ((ball, first), (other, second)):  # only balls that have moved
                 if (centre != recording.path(k, [0.0])[0]).any():
                     _disc(ax, centre, scene.balls.radius[k], 5, fill=False, edgecolor=look[k].path, linewidth=0.8)
@@ -326,9 +330,9 @@ def _draw_events(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None
             fill = CHALK
         marker, size, _ = MARKS[kind]
         ax.plot(*point, marker, markersize=size, color=fill, markeredgecolor=edge, markeredgewidth=0.7, zorder=7)
-        overlaps = any(abs(x - point[0]) < 2 * label_height and abs(y - point[1]) < label_height for x, y in labelled)
+        overlaps = any(np.hypot(*(point - place)) < room for place in labelled)
         if kind != "sliding_rolling" and not overlaps:
-            labelled.append(point.tolist())
+            labelled.append(point)
             _label(ax, kind, scene, point, f"{time:.2f} s")
 
 
@@ -344,5 +348,5 @@ def _label(ax: Axes, kind: str, scene: Scene, point: Floats, text: str) -> None:
         x, y = (np.sign(point) * (across == across.min())).astype(int).tolist()
         ground, offset, place = RAIL, (20 * x, 20 * y), {"ha": "center", "va": "center", "rotation": 90 * abs(x)}
     options: dict[str, Any] = {"textcoords": "offset points", "xytext": offset, "fontsize": 6.5, "zorder": 10, **place}
-    box = {"facecolor": ground, "edgecolor": "none", "pad": 0.6}
+    box = {"facecolor": ground, "edgecolor": "none", "pad": 3.0 if ground == RAIL else 0.6}  # it hides a diamond
     ax.annotate(text, point.tolist(), color=CHALK, bbox=box, **options)

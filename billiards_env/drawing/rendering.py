@@ -69,19 +69,22 @@ def drawn_layout(episodes: Episodes, k: int) -> DrawnShot:
 
 def drawn_shot(episodes: Episodes, k: int, reward: float, goals: Floats) -> DrawnShot:
     """Returns the last shot of episode k for drawing. `goals` are those of the shot: a new episode may have begun."""
-    shot, model, state = episodes.recorded[k], episodes.model, episodes.state
+    shot, model, state = episodes.state.recorded[k], episodes.model, episodes.state
     number = model.max_shots - state.shots_left[k]
-    speed = math.hypot(*cue_strike(episodes.actions[k], model.scene, model.max_speed).velocity[:2])
-    if episodes.turns is not None:
-        left = f"{model.task}   player {episodes.turns.player[k]}   shot {number} of {model.max_shots}"
+    speed = math.hypot(*cue_strike(state.actions[k], model.scene, model.max_speed).velocity[:2])
+    if state.turns is not None:
+        left = f"{model.task}   player {state.turns.player[k]}   shot {number} of {model.max_shots}"
         return DrawnShot(shot, left, _result_text(episodes, k))
     left = f"{model.task}   shot {number} of {model.max_shots}   {speed:.2f} m/s"
     return DrawnShot(shot, left, f"reward {reward:g}   score {state.score[k]}", _goal_circles(model, goals))
 
 
 def _result_text(episodes: Episodes, k: int) -> str:
-    """Returns the text at the end of a shot in game k of several players: the foul, the scores and the winner."""
-    turns, setup = episodes.turns, episodes.model.setup
+    """Returns the text at the end of a shot in game k of several players: the foul, the scores, and who wins or plays.
+
+    A player of eight ball has a group of balls.
+    """
+    turns, setup = episodes.state.turns, episodes.model.setup
     assert turns is not None
     assert setup is not None
     parts = [FOULS[turns.foul[k]].replace("_", " ")] if turns.foul[k] else []
@@ -89,6 +92,11 @@ def _result_text(episodes: Episodes, k: int) -> str:
         parts.append(" : ".join(map(str, turns.scores[k].tolist())))
     if episodes.state.over[k]:
         parts.append("nobody wins" if turns.winner[k] < 0 else f"player {turns.winner[k]} wins")
+    else:
+        player, solids = int(turns.next_player[k]), int(episodes.state.game["solids"][k])
+        groups = ("solids", "stripes") if setup.scene.balls.colours == "pool" else ("reds", "yellows")
+        group = "" if solids < 0 else f" ({groups[solids != player]})"
+        parts.append(f"next: player {player}{group}")
     return "   ".join(parts)
 
 

@@ -126,7 +126,8 @@ class Look(NamedTuple):
         ink: Colour of its number.
         path: Colour of its path, visible on the cloth.
         striped: Whether only a band has the colour.
-        number: The number of the ball; empty for the cue ball.
+        number: What is written on the ball: its number, or the name of the colour of a ball with dots if no other
+            ball has it; empty for the cue ball.
         dots: Colour of the dots on its face; empty for a face with the number.
         dot: Radius of the dots over the radius of the ball.
     """
@@ -161,7 +162,8 @@ def looks(scene: Scene, palette: str = "colour_blind") -> tuple[Look, ...]:
     colours, carom = scene.balls.colours, _is_carom(scene)
     dot_red, *_ = _COLOURS["red"]
     balls = [Look(CHALK, INK, "#d2dbd6", False, "", dot_red, DOT)]
-    for i, name in enumerate(colour_names(scene)[1:], start=1):
+    names = colour_names(scene)
+    for i, name in enumerate(names[1:], start=1):
         name = "grey" if math.isinf(scene.balls.mass[i]) else name
         fill, path = PALETTES[palette][name]
         striped = name != "grey" and colours == "pool" and not carom and i % 16 > 8
@@ -169,7 +171,8 @@ def looks(scene: Scene, palette: str = "colour_blind") -> tuple[Look, ...]:
         dots = ("", 0.0)
         if carom or plain:
             dots = (dot_red if carom else INK) if name == "yellow" else CHALK, DOT if carom else SPOT
-        balls.append(Look(fill, CHALK if name in _DARK else INK, path, striped, str(i), *dots))
+        text = str(i) if not dots[0] else name if names.count(name) == 1 else ""
+        balls.append(Look(fill, CHALK if name in _DARK else INK, path, striped, text, *dots))
     return tuple(balls)
 
 

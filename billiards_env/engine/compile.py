@@ -15,10 +15,19 @@ from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
 from billiards_env.engine.overlaps import FIXES, TREATMENTS
 from billiards_env.physics.geometry.noses import nose_arrays
-from billiards_env.physics.geometry.outline_walls import outline_arrays
-from billiards_env.physics.laws.tables import BALL_LAWS, CUSHION_LAWS, CUSHIONS, FRICTIONS, RESTITUTIONS, choice
+from billiards_env.physics.geometry.outline_walls import OUTLINE, outline_arrays
+from billiards_env.physics.geometry.rectangle import RECTANGLE, rectangle_arrays
+from billiards_env.physics.laws.tables import BALL_LAWS, CUSHIONS, laws_of
 from billiards_env.physics.scatter import Scatter
-from billiards_env.physics.state import IDEAL, NUMBERS, ROLLING_ONLY, SLIDING_AND_ROLLING, Numbers, SceneArrays
+from billiards_env.physics.state import (
+    IDEAL,
+    NUMBERS,
+    ROLLING_ONLY,
+    SLIDING_AND_ROLLING,
+    Numbers,
+    SceneArrays,
+    SceneKernels,
+)
 from billiards_env.scene import CUSHION_NAMES, PARAMETERS, Physics, Scene, law_numbers
 from billiards_env.support.checks import RANGES, fits, one_of, short
 
@@ -136,21 +145,26 @@ def cached_by_scene(function: Callable[[Scene, Any], Any]) -> Callable[[Scene, A
 
 
 def scene_fields(scene: Scene, engine: Engine = PIC) -> tuple[Any, ...]:
-    """Returns a scene and the settings of an engine as the argument of an entry point, see `SceneArrays`.
+    """Returns a scene and the settings of an engine as the argument `scene` of an entry point, see `SceneArrays`.
 
     The same arguments return the same tuple.
     """
-    return _scene_fields(scene, engine)
+    return _compiled(scene, engine)[1]
+
+
+def scene_kernels(scene: Scene, engine: Engine = PIC) -> SceneKernels:
+    """Returns the kernels of a scene and of an engine: the argument `kernels` of an entry point."""
+    return _compiled(scene, engine)[0]
 
 
 def scene_arrays(scene: Scene) -> SceneArrays:
-    """Returns the arrays of a scene."""
+    """Returns the arrays and the kernels of a scene."""
     numbers, *arrays = scene_fields(scene)
-    return SceneArrays(Numbers(*numbers[0]), *arrays)
+    return SceneArrays(Numbers(*numbers[0]), *arrays, *scene_kernels(scene))  # pyright: ignore[reportCallIssue]
 
 
 def with_scatter(fields: tuple[Any, ...], scatter: Scatter | None) -> tuple[Any, ...]:
-    """Returns the fields of `SceneArrays` with the scatter of the cushions."""
+    """Returns `scene_fields` with the scatter of the cushions."""
     return fields if scatter is None else (*fields[:-1], tuple(scatter))
 
 
@@ -186,18 +200,17 @@ def physics_of_shots(physics: Physics, varied: Varied) -> Any:
 
 
 @cached_by_scene
-def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
+def _compiled(scene: Scene, engine: Engine) -> tuple[SceneKernels, tuple[Any, ...]]:
+    """Returns `scene_kernels` and `scene_fields`."""
     p, table = scene.physics, scene.table
     for name, laws in (("motion", MOTIONS), ("cushion", CUSHIONS), ("ball_ball", BALL_LAWS)):
         one_of(f"physics.{name}", getattr(p, name), tuple(laws))  # `scene` may have names that have no law
     if p.flight and engine.fix and TREATMENTS[engine.fix].goes_back:
         allowed = " or ".join(repr(name) for name, fix in TREATMENTS.items() if not fix.goes_back)
         raise ValueError(f"fix = {engine.fix!r} with physics.flight = True: expected {allowed}")
-    numbers, law = _numbers(scene, engine, {}), BALL_LAWS[p.ball_ball]
-    outline = None
-    if table.outline:
-        places = table.pocket_places.tolist()
-        outline = outline_arrays(table.outline, numbers.half_length, numbers.half_width, places)
+    numbers = _numbers(scene, engine, {})
+    half, places = (numbers.half_length, numbers.half_width), table.pocket_places.tolist()
+    outline = outline_arrays(table.outline, *half, places) if table.outline else rectangle_arrays(*half, len(places))
     radius = np.array(scene.balls.radius)
     sizes = len(set(scene.balls.radius))
     arrays = SceneArrays(
@@ -207,12 +220,10 @@ def _scene_fields(scene: Scene, engine: Engine) -> tuple[Any, ...]:
         pockets=table.pocket_rows,
         outline=outline,
         spheres=radius if p.flight or (scene.balls.shape == "sphere" and sizes > 1) else None,
-        ball_restitution=choice(RESTITUTIONS, law.restitution),
-        ball_friction=None if law.friction is None else choice(FRICTIONS, law.friction),
-        cushion=choice(CUSHION_LAWS, CUSHIONS[p.cushion].law),
         flight=nose_arrays(outline, scene.balls.radius[0], numbers, table.pocket_rows.tolist()) if p.flight else None,
     )
-    return (np.array([numbers], NUMBERS), *arrays[1:])
+    kernels = SceneKernels(laws=laws_of(p.ball_ball, p.cushion), walls=OUTLINE if table.outline else RECTANGLE)
+    return kernels, (np.array([numbers], NUMBERS), *arrays[1 : -len(kernels)])
 
 
 def _numbers(scene: Scene, engine: Engine, varied: Varied) -> Any:

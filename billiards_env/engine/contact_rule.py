@@ -400,7 +400,7 @@ def _hit_cushion_again(contact, time, state, scene, memory):  # out: state, memo
     if min(memory.run[i], memory.weak[i]) > JAMMED:
         change_velocity(state, i, -speed * nx, -speed * ny, numbers)
         return 1
-    towards = wall_pressing(state, i, nx, ny, wall, scene.radius[i], scene.outline)
+    towards = wall_pressing(state, i, nx, ny, wall, scene)
     limits = Limits(numbers.weak_speed, numbers.tau)
     rebound = least_rebound(speed, towards, memory.weak[i], limits, numbers)
     return 1 if reflect(state, i, nx, ny, rebound, scene) else 0
@@ -465,8 +465,8 @@ def hit_corner(one, two, time, state, scene, memory):  # out: state, memory
     if min(memory.run[i], memory.weak[i]) > JAMMED:
         change_velocity(state, i, -state.rows[i, VX], -state.rows[i, VY], numbers)
         return 1
-    pressing_one = wall_pressing(state, i, one.nx, one.ny, one.wall, scene.radius[i], scene.outline)
-    pressing_two = wall_pressing(state, i, two.nx, two.ny, two.wall, scene.radius[i], scene.outline)
+    pressing_one = wall_pressing(state, i, one.nx, one.ny, one.wall, scene)
+    pressing_two = wall_pressing(state, i, two.nx, two.ny, two.wall, scene)
     limits = Limits(numbers.weak_speed, numbers.tau)
     rebounds = (
         least_rebound(one.speed, pressing_one, memory.weak[i], limits, numbers),

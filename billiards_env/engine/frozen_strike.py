@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from billiards_env.engine.compile import scene_kernels
 from billiards_env.engine.shots import HEIGHT, Starts, load_balls, store
 from billiards_env.jit import allocating_entry_point, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
@@ -49,10 +50,10 @@ def strike_frozen(scene: Scene, fields: tuple[Any, ...], starts: tuple[Any, ...]
     Returns:
         Whether there is such a shot. Only these compile `_drive`.
     """
-    if scene.physics.motion != "sliding" or not _is_ahead(begin, end, fields, starts):
+    if scene.physics.motion != "sliding" or not _is_ahead(kernels := scene_kernels(scene), begin, end, fields, starts):
         return False
     for ball in np.unique(Starts(*starts).cue[begin:end]).tolist():
-        _drive(begin, end, ball, tuple(cue_numbers(scene, ball)), fields, starts)
+        _drive(kernels, begin, end, ball, tuple(cue_numbers(scene, ball)), fields, starts)
     return True
 
 
@@ -92,9 +93,9 @@ def _drives(k, ball, scene, starts):
 
 
 @entry_point
-def _is_ahead(begin, end, scene, starts):
+def _is_ahead(kernels, begin, end, scene, starts):
     """Returns whether the cue ball moves towards a ball that it touches in any of the shots."""
-    arrays, starts = scene_of(scene, 0), Starts(*starts)
+    arrays, starts = scene_of(kernels, scene, 0), Starts(*starts)
     is_ahead = False
     for k in range(begin, end):
         is_ahead = is_ahead or _drives(k, starts.cue[k], arrays, starts)
@@ -129,16 +130,16 @@ def _gather(k, scene, starts, state, contacts):  # out: contacts
 
 
 @allocating_entry_point
-def _drive(begin, end, ball, cue, scene, starts):  # out: starts
+def _drive(kernels, begin, end, ball, cue, scene, starts):  # out: starts
     """Replaces the starts of the shots in which the cue drives frozen balls, whose restitution is -`LEFT`."""
-    cue, starts, arrays = CueNumbers(*cue), Starts(*starts), scene_of(scene, 0)
+    cue, starts, arrays = CueNumbers(*cue), Starts(*starts), scene_of(kernels, scene, 0)
     n = len(arrays.radius)
     most = n * (n - 1) // 2
     state, contacts = empty_state(n, arrays.flight), empty_contacts(most, arrays.flight)
-    scratch = empty_scratch(n, most, arrays.ball_friction, arrays.flight)
+    scratch = empty_scratch(n, most, arrays.laws.friction, arrays.flight)
     for k in range(begin, end):
         end_call(interrupted())
-        arrays = scene_of(scene, k)
+        arrays = scene_of(kernels, scene, k)
         if starts.cue[k] != ball or not _drives(k, ball, arrays, starts):
             continue
         load_balls(k, starts, arrays, state)

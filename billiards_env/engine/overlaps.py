@@ -18,7 +18,7 @@ from billiards_env.jit import inlined, kernel
 from billiards_env.physics.clusters.impulses import UPWARDS, set_normal, sum_impulses
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
-from billiards_env.physics.geometry.walls import back_to_wall, deepest_overlap, overlap_time, wall_normal, wall_overlap
+from billiards_env.physics.geometry.walls import overlap_time
 from billiards_env.physics.motion import Path, begin_phase, move
 from billiards_env.physics.state import LASTS, VX, VY, X, Y, Z
 from billiards_env.scene import CONTACT_GAP
@@ -172,7 +172,7 @@ def _find_cushion_time(i, wall, beyond, speed, scene, work):  # out: work
 @inlined
 def _bounce_of(i, wall, scene, work):
     """Returns the `Bounce` of ball i at its position; the normal of a tip depends on the position."""
-    nx, ny = wall_normal(work.state, i, wall, scene.outline)
+    nx, ny = scene.walls.normal(work.state.rows[i, X], work.state.rows[i, Y], wall, scene)
     return Bounce(nx, ny, max(0.0, nx * work.here[i, VX] + ny * work.here[i, VY]))
 
 
@@ -276,7 +276,7 @@ def _push_apart(count, scene, work):  # out: work
 @kernel
 def _push_inside(i, wall, beyond, bounce, scene, work):  # out: work
     """Moves ball i to the nearest position at which it touches the cushion."""
-    x, y = back_to_wall(work.here[i, X], work.here[i, Y], scene.radius[i], wall, scene.numbers, scene.outline)
+    x, y = scene.walls.back_to(work.here[i, X], work.here[i, Y], scene.radius[i], wall, scene)
     _place(i, x, y, work)
     return bounce
 
@@ -284,12 +284,12 @@ def _push_inside(i, wall, beyond, bounce, scene, work):  # out: work
 @kernel
 def _bring_back(i, scene, work):  # out: work
     """Moves ball i to the cushion that it overlaps most, until it overlaps none. Returns whether it moves the ball."""
-    here, radius, numbers, outline = work.here, scene.radius[i], scene.numbers, scene.outline
+    here, radius = work.here, scene.radius[i]
     for push in range(_PUSHES):
-        wall = deepest_overlap(here[i, X], here[i, Y], radius, numbers, outline)
+        wall = scene.walls.deepest_overlap(here[i, X], here[i, Y], radius, scene)
         if wall < 0:
             return push > 0
-        x, y = back_to_wall(here[i, X], here[i, Y], radius, wall, numbers, outline)
+        x, y = scene.walls.back_to(here[i, X], here[i, Y], radius, wall, scene)
         _place(i, x, y, work)
     return True
 
@@ -298,7 +298,7 @@ def _bring_back(i, scene, work):  # out: work
 def _push_along(i, wall, n, m, scene, work):  # out: work
     """Moves ball i along the cushion with the normal n, which it touches, to touch the cushion with the normal m."""
     x, y = work.here[i, X], work.here[i, Y]
-    beyond, _, _ = wall_overlap(x, y, scene.radius[i], wall, scene.numbers, scene.outline)
+    beyond, _, _ = scene.walls.overlap(x, y, scene.radius[i], wall, scene)
     way = max(0.0, beyond) / (n[0] * m[1] - n[1] * m[0])
     _place(i, x + way * n[1], y - way * n[0], work)
 

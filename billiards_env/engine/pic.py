@@ -149,42 +149,43 @@ _run_cell_grid = for_all_shots(event_loop(cell_grid))
 
 
 @allocating_entry_point
-def run_shots(begin, end, scene, limit, max_events, shots, log):  # out: shots, log
+def run_shots(kernels, begin, end, scene, limit, max_events, shots, log):  # out: shots, log
     """Runs shots `begin` to `end` - 1 of a batch in place. An interrupted shot keeps its start.
 
     Args:
+        kernels: The `SceneKernels`.
         begin: First shot.
         end: One past the last.
-        scene: The `SceneArrays`, as a plain tuple, like `shots` and `log`: numba unpacks it in half the time.
+        scene: The other `SceneArrays`, as a plain tuple, like `shots` and `log`: numba unpacks it in half the time.
         limit: Time at which a shot ends, s; finite if the motion is ideal.
         max_events: Number of events after which a shot ends.
         shots: The `Shots`.
         log: The `Log`; it holds the last shot.
     """
-    arrays = scene_of(scene, 0)
+    arrays = scene_of(kernels, scene, 0)
     n, most = len(arrays.radius), all_pairs.most_contacts(arrays)
-    scratch = empty_scratch(n, most, arrays.ball_friction, arrays.flight)
+    scratch = empty_scratch(n, most, arrays.laws.friction, arrays.flight)
     queue = all_pairs.empty_queue(arrays)
     work = make_workspace(arrays, queue, most, scratch)
-    end_call(_run_all_pairs(begin, end, scene, work, limit, max_events, shots, log))
+    end_call(_run_all_pairs(range(begin, end), kernels, scene, work, limit, max_events, shots, log))
 
 
 @allocating_entry_point
-def run_shots_of_at_most_two(begin, end, scene, limit, max_events, shots, log):  # out: shots, log
+def run_shots_of_at_most_two(kernels, begin, end, scene, limit, max_events, shots, log):  # out: shots, log
     """Computes the same bits as `run_shots` for at most two balls, and compiles in less time.
 
     With more balls it would write outside the arrays.
     """
-    arrays = scene_of(scene, 0)
+    arrays = scene_of(kernels, scene, 0)
     work = make_workspace(arrays, one_pair.empty_queue(arrays), 1, None)
-    end_call(_run_one_pair(begin, end, scene, work, limit, max_events, shots, log))
+    end_call(_run_one_pair(range(begin, end), kernels, scene, work, limit, max_events, shots, log))
 
 
 @allocating_entry_point
-def run_shots_of_many(begin, end, scene, limit, max_events, shots, log):  # out: shots, log
+def run_shots_of_many(kernels, begin, end, scene, limit, max_events, shots, log):  # out: shots, log
     """Computes the same bits as `run_shots`, faster for many balls."""
-    arrays = scene_of(scene, 0)
+    arrays = scene_of(kernels, scene, 0)
     most = cell_grid.most_contacts(arrays)
-    scratch = empty_scratch(len(arrays.radius), most, arrays.ball_friction, arrays.flight)
+    scratch = empty_scratch(len(arrays.radius), most, arrays.laws.friction, arrays.flight)
     work = make_workspace(arrays, cell_grid.empty_queue(arrays), most, scratch)
-    end_call(_run_cell_grid(begin, end, scene, work, limit, max_events, shots, log))
+    end_call(_run_cell_grid(range(begin, end), kernels, scene, work, limit, max_events, shots, log))

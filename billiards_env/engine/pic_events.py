@@ -11,10 +11,9 @@ from billiards_env.jit import inlined, kernel
 from billiards_env.physics.clusters.impulses import set_normal
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
-from billiards_env.physics.geometry.walls import wall_normal, walls_met
 from billiards_env.physics.motion import advance, end_phase, height_of, motion_after
 from billiards_env.physics.scatter import scatter_key, scatter_limit, scatter_motion
-from billiards_env.physics.state import AIRBORNE, LASTS, VX, VY, VZ, is_airborne, own_time, same, since
+from billiards_env.physics.state import AIRBORNE, LASTS, VX, VY, VZ, X, Y, is_airborne, own_time, same, since
 from billiards_env.scene import CONTACT_GAP
 
 
@@ -107,7 +106,7 @@ def resolve_impacts(count, now, k, scene, work, shots, log):  # out: work, shots
 @inlined
 def _contact_with(i, wall, state, scene):
     """Returns the `CushionContact` of ball i."""
-    nx, ny = wall_normal(state, i, wall, scene.outline)
+    nx, ny = scene.walls.normal(state.rows[i, X], state.rows[i, Y], wall, scene)
     return CushionContact(i, wall, nx, ny, nx * state.rows[i, VX] + ny * state.rows[i, VY])
 
 
@@ -180,7 +179,7 @@ def resolve_singles(count, now, k, scene, work, shots, log):  # out: work, shots
             speed, acts = resolve_in_air(scene.flight, i, kind, other, k, scene, state, shots)
         elif kind == BALL_CUSHION:
             advance(state, i, now, scene.numbers)
-            walls = walls_met(state, i, other, scene.radius[i], scene.numbers, scene.outline)
+            walls = scene.walls.met(state, i, other, scene)
             if walls[1] >= 0:
                 _resolve_corner(i, walls, now, k, scene, work, shots, log)
                 changed[n_changed] = i

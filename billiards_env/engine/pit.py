@@ -49,15 +49,7 @@ from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_con
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.pockets import pocket_at
-from billiards_env.physics.geometry.walls import (
-    half_sizes,
-    next_overlap,
-    overlap_time,
-    wall_normal,
-    wall_overlap,
-    wall_turns,
-    walls_met,
-)
+from billiards_env.physics.geometry.walls import TURNS, overlap_time
 from billiards_env.physics.laws.cloth import phase_of
 from billiards_env.physics.motion import Path, advance, begin_phase, end_phase, motion_after
 from billiards_env.physics.scatter import scatter_key, scatter_limit, scatter_motion
@@ -127,7 +119,7 @@ def make_workspace(scene):
     return PitWorkspace(
         state=empty_state(n, scene.flight),
         contacts=empty_contacts(most, scene.flight),
-        scratch=empty_scratch(n, most, scene.ball_friction, scene.flight),
+        scratch=empty_scratch(n, most, scene.laws.friction, scene.flight),
         here=np.empty((n, 4 if scene.flight is None else 6)),
         back=np.empty(n),
         phase_end_hi=np.empty(n),
@@ -311,7 +303,7 @@ def _resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, sho
 def _overlap_of(i, wall, scene, work):
     """Returns how long ago ball i, which overlaps a cushion or touches it, first touched it, s."""
     here, radius = work.here, scene.radius[i]
-    beyond, nx, ny = wall_overlap(here[i, X], here[i, Y], radius, wall, scene.numbers, scene.outline)
+    beyond, nx, ny = scene.walls.overlap(here[i, X], here[i, Y], radius, wall, scene)
     path = Path(here[i, X], here[i, Y], here[i, VX], here[i, VY], 0.0, 0.0)
     return overlap_time(path, radius, wall, beyond, nx * path.vx + ny * path.vy, scene.outline)
 
@@ -319,7 +311,7 @@ def _overlap_of(i, wall, scene, work):
 @inlined
 def _first_overlap(i, wall, scene, work):
     """Returns the cushion that ball i touched first, of those that act on it. `wall` is one of these."""
-    one, two = walls_met(work.state, i, wall, scene.radius[i], scene.numbers, scene.outline)
+    one, two = scene.walls.met(work.state, i, wall, scene)
     if two >= 0 and _overlap_of(i, two, scene, work) > _overlap_of(i, one, scene, work):
         return two
     return one
@@ -335,26 +327,26 @@ def _hit_cushions(i, wall, key, scene, work):  # out: work
         (wall, other, speed, other_speed): the cushions that act, -1 for none, and the speeds of approach, m/s. The
         first speed is 0 if the ball was only moved back, and -1 if nothing happened.
     """
-    state, here, numbers, radius, outline = work.state, work.here, scene.numbers, scene.radius[i], scene.outline
-    beyond, nx, ny = wall_overlap(here[i, X], here[i, Y], radius, wall, numbers, outline)
+    state, here, numbers, radius = work.state, work.here, scene.numbers, scene.radius[i]
+    beyond, nx, ny = scene.walls.overlap(here[i, X], here[i, Y], radius, wall, scene)
     speed = nx * here[i, VX] + ny * here[i, VY]
     if beyond <= 0.0 or speed < 0.0:
         return wall, -1, -1.0, 0.0
     if speed > 0.0:
         wall = _first_overlap(i, wall, scene, work)
-        beyond, nx, ny = wall_overlap(here[i, X], here[i, Y], radius, wall, numbers, outline)
+        beyond, nx, ny = scene.walls.overlap(here[i, X], here[i, Y], radius, wall, scene)
         speed = nx * here[i, VX] + ny * here[i, VY]
     nx, ny, speed = fix_at_cushion(numbers.fix, i, wall, beyond, Bounce(nx, ny, speed), scene, work)
     other, other_speed = -1, 0.0
     if speed > 0.0:
-        one, two = walls_met(state, i, wall, radius, numbers, outline)
+        one, two = scene.walls.met(state, i, wall, scene)
         other = two if one == wall else one
         if two < 0:
             limit = scatter_limit(scene.scatter, i, state, scene)
             reflect(state, i, nx, ny, 0.0, scene)
             scatter_motion(scene.scatter, key, i, (nx, ny), limit, state, scene)
         else:
-            mx, my = wall_normal(state, i, other, outline)
+            mx, my = scene.walls.normal(state.rows[i, X], state.rows[i, Y], other, scene)
             other_speed = mx * here[i, VX] + my * here[i, VY]
             fix_in_corner(numbers.fix, i, other, (nx, ny), (mx, my), scene, work)
             reflect_both(state, i, (nx, ny), (mx, my), (0.0, 0.0), scene)
@@ -366,8 +358,7 @@ def _hit_cushions(i, wall, key, scene, work):  # out: work
 @inlined
 def _test_cushions(now, k, scene, work, shots, log):  # out: work, shots, log
     """Reflects the balls that are beyond a cushion at a `Time`. Returns whether there are balls beyond a cushion."""
-    state, numbers, outline, has_rebound = work.state, scene.numbers, scene.outline, False
-    half_length, half_width = half_sizes(numbers, outline)
+    state, numbers, box, has_rebound = work.state, scene.numbers, scene.outline.box, False
     for i in range(len(work.moved)):
         if not (work.moved[i] or work.changed[i]) or state.phase[i] == POTTED:
             continue
@@ -375,11 +366,11 @@ def _test_cushions(now, k, scene, work, shots, log):  # out: work, shots, log
         if is_airborne(scene.flight, state.phase[i]):
             has_rebound = hit_noses(scene.flight, i, now, k, scene, work, shots, log) or has_rebound
             continue
-        if abs(work.here[i, X]) <= half_length - radius and abs(work.here[i, Y]) <= half_width - radius:
+        if abs(work.here[i, X]) <= box[X] - radius and abs(work.here[i, Y]) <= box[Y] - radius:
             continue
-        for turn in range(wall_turns(outline)):
+        for turn in range(TURNS):
             x, y, vx, vy = work.here[i, X], work.here[i, Y], work.here[i, VX], work.here[i, VY]
-            wall = next_overlap(x, y, vx, vy, radius, turn, numbers, outline)
+            wall = scene.walls.next_overlap(x, y, vx, vy, radius, turn, scene)
             if wall < 0:
                 continue
             advance(state, i, now, numbers)
@@ -462,7 +453,7 @@ _run_all = for_all_shots(run)
 
 
 @allocating_entry_point
-def run_shots(begin, end, scene, limit, max_events, shots, log):  # out: shots, log
+def run_shots(kernels, begin, end, scene, limit, max_events, shots, log):  # out: shots, log
     """Runs shots of a batch in place, as `engine.pic.run_shots` does and with the same arguments."""
-    work = make_workspace(scene_of(scene, 0))
-    end_call(_run_all(begin, end, scene, work, limit, max_events, shots, log))
+    work = make_workspace(scene_of(kernels, scene, 0))
+    end_call(_run_all(range(begin, end), kernels, scene, work, limit, max_events, shots, log))

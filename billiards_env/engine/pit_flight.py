@@ -21,7 +21,6 @@ from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.noses import is_free, nose_normal, pocket_below, way_to_nose
 from billiards_env.physics.geometry.pockets import pocket_at
-from billiards_env.physics.geometry.walls import back_to_wall, half_sizes, wall_count
 from billiards_env.physics.laws.flight import height_after
 from billiards_env.physics.motion import advance, begin_phase, height_of, land, path_of, place_after
 from billiards_env.physics.state import AIRBORNE, LASTS, VX, VY, VZ, X, Y, Z, own_time, since
@@ -102,9 +101,8 @@ def end_flight(flight, i, now, k, scene, work, shots, log):  # out: work, shots,
         _land(i, now, k, scene, work, shots, log)
         return True
     if kind == BALL_CUSHION:
-        row[X], row[Y] = back_to_wall(
-            *over, scene.flight.inset + _reach(row, scene.radius[i], scene.flight), other, scene.numbers, scene.outline
-        )
+        reach = scene.flight.inset + _reach(row, scene.radius[i], scene.flight)
+        row[X], row[Y] = scene.walls.back_to(*over, reach, other, scene)
     _resolve(i, (kind, other), now, k, scene, work, shots, log)
     return True
 
@@ -161,12 +159,11 @@ def hit_noses(flight, i, now, k, scene, work, shots, log):  # out: work, shots, 
     if flight is None:
         return False
     state, row, radius, has_hit = work.state, work.state.rows[i], scene.radius[i], False
-    half_x, half_y = half_sizes(scene.numbers, scene.outline)
-    reach = radius + flight.inset
-    if abs(work.here[i, X]) <= half_x - reach and abs(work.here[i, Y]) <= half_y - reach:
+    box, reach = scene.outline.box, radius + flight.inset
+    if abs(work.here[i, X]) <= box[X] - reach and abs(work.here[i, Y]) <= box[Y] - reach:
         return False
     advance(state, i, now, scene.numbers)
-    for wall in range(wall_count(scene.outline)):
+    for wall in range(len(scene.outline.lines) + len(scene.outline.tips)):
         dx, dy = way_to_nose(row[X], row[Y], wall, flight)
         touch = _reach(row, radius, flight)
         if not norm(dx, dy) < touch:

@@ -32,7 +32,6 @@ from billiards_env.physics.geometry.contact import (
 )
 from billiards_env.physics.geometry.noses import edge_time, falls_back, is_beyond_noses, nose_time, pocket_below
 from billiards_env.physics.geometry.pockets import path_to, pocket_exit, pockets_near
-from billiards_env.physics.geometry.walls import wall_time
 from billiards_env.physics.motion import Path, height_of, motion_after, path_of, place_after
 from billiards_env.physics.state import (
     AIRBORNE,
@@ -131,7 +130,7 @@ def next_event(meeting, singles):
 def predict_single(i, state, scene, singles):  # out: singles
     """Predicts the next event of ball i alone, from its own time on."""
     singles.hi[i], singles.lo[i] = math.inf, 0.0
-    phase, numbers = state.phase[i], scene.numbers
+    phase = state.phase[i]
     if phase in (REST, POTTED):
         return
     end = state.rows[i, LASTS]
@@ -140,7 +139,7 @@ def predict_single(i, state, scene, singles):  # out: singles
         end, kind, other = event_in_air(scene.flight, i, state, scene)
     elif phase >= ROLLING:
         path = path_of(state, i)
-        t, wall = wall_time(path, scene.radius[i], end, numbers, scene.outline)
+        t, wall = scene.walls.time(path, scene.radius[i], end, scene)
         if t < math.inf:
             end, kind, other = t, BALL_CUSHION, wall
         first, last = pockets_near(path, end, scene.pockets)

@@ -25,15 +25,15 @@ def for_all_shots(run: Any) -> Any:
     """
 
     @inlined
-    def run_all(begin, end, scene, work, limit, max_events, shots, log):  # out: work, shots, log
-        """Runs shots `begin` to `end` - 1. Returns whether it was interrupted.
+    def run_all(ks, kernels, scene, work, limit, max_events, shots, log):  # out: work, shots, log
+        """Runs the shots of the range `ks`. Returns whether it was interrupted.
 
         `scene`, `shots` and `log` are the fields of `SceneArrays`, `Shots` and `Log`, as plain tuples.
         """
         shots, log = Shots(*shots), Log(*log)
         pending = 0
-        for k in range(begin, end):
-            arrays = scene_of(scene, k)
+        for k in ks:
+            arrays = scene_of(kernels, scene, k)
             load_shot(k, shots, arrays, work.state)
             spent = run(k, arrays, work, limit, max_events, shots, log)
             if spent == INTERRUPTED:

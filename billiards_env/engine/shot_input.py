@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.engine.cell_grid import cell_of, empty_cells
-from billiards_env.engine.compile import MANY_BALLS, Engine, check_varied_name, scene_fields
+from billiards_env.engine.compile import MANY_BALLS, Engine, check_varied_name, scene_fields, scene_kernels
 from billiards_env.engine.shots import Shots, start_fields
 from billiards_env.engine.threads import parallel_for
 from billiards_env.jit import allocating_entry_point, entry_point, inlined
@@ -20,7 +20,6 @@ from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.noses import is_free
 from billiards_env.physics.geometry.pockets import pocket_at
-from billiards_env.physics.geometry.walls import half_sizes
 from billiards_env.physics.scatter import Scatter
 from billiards_env.physics.state import CUE_BALL, SPIN_X, SPIN_Y, SPIN_Z, X, Y, scene_of
 from billiards_env.scene import CONTACT_GAP, Scene, check_positions, check_ranges
@@ -84,8 +83,7 @@ def _is_valid_alone(i, place, velocity, spin, in_play, scene):
 
     Its place (x, y) is valid inside the cushions and outside the pockets. A ball of infinite mass has to rest.
     """
-    x, y, radius = place[X], place[Y], scene.radius[i]
-    half_length, half_width = half_sizes(scene.numbers, scene.outline)
+    x, y, radius, box = place[X], place[Y], scene.radius[i], scene.outline.box
     vx, vy = velocity[X], velocity[Y]
     wx, wy, wz = spin[SPIN_X], spin[SPIN_Y], spin[SPIN_Z]
     fastest, most = max(abs(vx), abs(vy)), max(max(abs(wx), abs(wy)), abs(wz))
@@ -97,7 +95,7 @@ def _is_valid_alone(i, place, velocity, spin, in_play, scene):
         return False
     if not in_play:
         return True
-    if abs(x) > half_length - radius or abs(y) > half_width - radius:
+    if abs(x) > box[X] - radius or abs(y) > box[Y] - radius:
         return False
     return pocket_at(scene.pockets, x, y, _CLOSE) < 0
 
@@ -154,29 +152,30 @@ def _are_valid(begin, end, scene, starts, cells):  # out: cells
 
 
 @entry_point
-def is_valid_fast(begin, end, scene, starts):
+def is_valid_fast(kernels, begin, end, scene, starts):
     """Returns whether the shots `begin` to `end` - 1 are valid input for `simulate`.
 
     False may also mean that valid input is too close to a limit. Then `check_positions` decides.
 
     Args:
+        kernels: The `SceneKernels`.
         begin: First shot.
         end: One past the last.
-        scene: The `SceneArrays`, as a tuple.
+        scene: The other `SceneArrays`, as a tuple.
         starts: The `Starts`, as a tuple.
 
     Returns:
         True if all numbers are within their ranges, balls of infinite mass rest, and balls in play lie inside the
         cushions, outside the pockets and apart from each other.
     """
-    arrays = scene_of(scene, 0)
+    arrays = scene_of(kernels, scene, 0)
     return _are_valid(begin, end, arrays, starts, None)
 
 
 @allocating_entry_point
-def is_valid_fast_of_many(begin, end, scene, starts):
+def is_valid_fast_of_many(kernels, begin, end, scene, starts):
     """Returns the same as `is_valid_fast`, faster for many balls: only balls in neighbouring cells are compared."""
-    arrays = scene_of(scene, 0)
+    arrays = scene_of(kernels, scene, 0)
     return _are_valid(begin, end, arrays, starts, empty_cells(arrays))
 
 
@@ -347,7 +346,7 @@ def _check_in_air(scene: Scene, shot: ShotInput, z: Floats, flies: NDArray[np.bo
     """Raises a ValueError if a ball in the air is not above the table or overlaps another ball."""
     n, reach = scene.n_balls, 2.0 * scene.balls.radius[0] - CONTACT_GAP
     places = np.concatenate((shot.positions, z[..., None]), axis=-1).reshape(-1, n, 3)
-    if not _are_free(scene_fields(scene), places[flies.reshape(-1, n)]):
+    if not _are_free(scene_kernels(scene), scene_fields(scene), places[flies.reshape(-1, n)]):
         raise ValueError(
             f"positions = {short(shot.positions.tolist())}: expected balls in the air between the noses of the cushions"
         )
@@ -363,9 +362,9 @@ def _check_in_air(scene: Scene, shot: ShotInput, z: Floats, flies: NDArray[np.bo
 
 
 @entry_point
-def _are_free(scene, places):
+def _are_free(kernels, scene, places):
     """Returns whether balls at `places`, (m, 3) m, are between the noses or over a pocket, and overlap no nose."""
-    arrays, free = scene_of(scene, 0), True
+    arrays, free = scene_of(kernels, scene, 0), True
     for k in range(len(places)):
         free = free and is_free(places[k], arrays.radius[0], arrays)
     return free
@@ -373,13 +372,13 @@ def _are_free(scene, places):
 
 def _is_valid_fast(scene: Scene, shot: ShotInput, threads: int | None) -> bool:
     """Calls `is_valid_fast` for one shot or, on several threads, for many."""
-    arrays = scene_fields(scene)
+    kernels, arrays = scene_kernels(scene), scene_fields(scene)
     starts = shot.as_batch() if shot.in_play.ndim == 1 else start_fields(shot)
     doubtful: list[int] = []
     is_valid = is_valid_fast_of_many if scene.n_balls >= MANY_BALLS else is_valid_fast
 
     def work(begin: int, end: int) -> None:
-        if not is_valid(begin, end, arrays, starts):
+        if not is_valid(kernels, begin, end, arrays, starts):
             doubtful.append(begin)
 
     parallel_for(work, len(starts[0]), threads)

@@ -17,10 +17,12 @@ from billiards_env.doors import load
 from billiards_env.engine import Engine
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.arguments import Model, OfArguments, check_options, fixed, json_spec, model_of
-from billiards_env.envs.episodes import Episodes, SpareEpisodes, noise_stream
+from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.goal_observations import compute_reward
 from billiards_env.envs.observations import decode
-from billiards_env.envs.snapshots import SPACES, EpisodeState, OfEpisodes, checked_state, copied
+from billiards_env.envs.reset import noise_stream
+from billiards_env.envs.snapshots import SPACES, OfEpisodes, checked_state, copied
+from billiards_env.envs.state import EpisodeState
 from billiards_env.envs.trials import Outcomes, Trials
 from billiards_env.jit import streams
 from billiards_env.scene import Scene
@@ -385,8 +387,7 @@ class BilliardsEnv(OfEpisodes, OfArguments, gym.Env[Any, Any]):
         if render_mode == "rgb_array":
             self.metadata = {**self.metadata, "render_fps": FPS_OF_SHOTS}
         self._renderer = None if render_mode is None else load("render_mode")(model.scene, render_mode)
-        self._own: Episodes | None = Episodes(1, model, 0 if self._renderer is None else 1)
-        self._spare = SpareEpisodes(self._own)
+        self._episodes = Episodes(1, model, 0 if self._renderer is None else 1)
         self.features = self._episodes.observer.features
         self._set_arguments({**model.arguments, "observe": self._episodes.observer.names})
         self.action_space: Any = gym.spaces.Box(-1.0, 1.0, (sum(model.n_numbers),), np.float32)
@@ -397,8 +398,7 @@ class BilliardsEnv(OfEpisodes, OfArguments, gym.Env[Any, Any]):
         if self.observe == "goal":  # other environments have no `compute_reward`
             self.compute_reward = functools.partial(compute_reward, model.goal_radius, model.scratch_penalty)
         self._trials = Trials(model, self._action_shape)
-        self._memory: Any = None  # the state of a copy before its first use
-        self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_renderer", *SPACES}
+        self._shared = {*vars(self), "_np_random", "_shared", "_spec"} - {"_episodes", "_renderer", *SPACES}
 
     def __repr__(self) -> str:
         return f"BilliardsEnv({self.model.summary})"
@@ -406,24 +406,11 @@ class BilliardsEnv(OfEpisodes, OfArguments, gym.Env[Any, Any]):
     def __deepcopy__(self, memo: dict[int, Any]) -> BilliardsEnv:
         """Returns a copy that continues with the same bits. It shares what does not change, such as the scene."""
         self._write_stream()
-        memory = self._episodes.memory.copy()
-        return copied(self, self._shared, memo, _own=None, _memory=memory, _np_random=None)
+        return copied(self, self._shared, memo, _np_random=None)
 
     def __copy__(self) -> BilliardsEnv:
         """Returns a deep copy: two environments never have the same episode."""
         return copy.deepcopy(self)
-
-    def __del__(self) -> None:
-        own = vars(self).get("_own")  # missing if the constructor has failed
-        if own is not None:
-            self._spare.put(own)
-
-    @property
-    def _episodes(self) -> Episodes:
-        """The episode. A copy has its arrays from its first use on."""
-        if self._own is None:
-            self._own = self._spare.take(self._memory)
-        return self._own
 
     @property
     def np_random(self) -> np.random.Generator:
@@ -446,7 +433,7 @@ class BilliardsEnv(OfEpisodes, OfArguments, gym.Env[Any, Any]):
     def get_state(self) -> EpisodeState:
         """Returns the state: all that a step may read or change, a structured array of shape (), see `snapshots`."""
         self._write_stream()
-        return np.ndarray((), self._episodes.kind, self._episodes.memory.copy())
+        return np.ndarray((), self._episodes.state.types.saved, self._episodes.state.memory.copy())
 
     def set_state(self, state: EpisodeState) -> None:
         """Continues from a state of this environment, or of another one with the same scene and task, bit for bit.
@@ -459,7 +446,7 @@ class BilliardsEnv(OfEpisodes, OfArguments, gym.Env[Any, Any]):
             ValueError: If it is the state of another scene or task, or holds invalid numbers.
         """
         episodes = self._episodes
-        episodes.undo(checked_state(state, episodes.kind, self.model, 1).view(np.uint8))
+        episodes.undo(checked_state(state, episodes.state.types.saved, self.model, 1).view(np.uint8))
         self._np_random, self._np_random_seed = None, -1
         if self._renderer is not None:
             self._renderer.begin(episodes)
@@ -491,7 +478,7 @@ class BilliardsEnv(OfEpisodes, OfArguments, gym.Env[Any, Any]):
     @property
     def episode_scene_and_engine(self) -> tuple[Scene, Engine]:
         """The scene and the engine of the present episode."""
-        return self._episodes.scene_and_engine(0)
+        return self._episodes.state.scene_and_engine(0)
 
     @property
     def action_masks(self) -> Callable[[], NDArray[np.bool_]]:
@@ -504,7 +491,7 @@ class BilliardsEnv(OfEpisodes, OfArguments, gym.Env[Any, Any]):
         """
         if not self._episodes.choices:
             raise AttributeError(f"action_masks with action = {self.action!r}: expected action 'plan'")
-        return lambda: self._episodes.mask[0].astype(np.bool_)
+        return lambda: self._episodes.state.mask[0].astype(np.bool_)
 
     @property
     def game(self) -> GameState:
@@ -582,7 +569,7 @@ class BilliardsEnv(OfEpisodes, OfArguments, gym.Env[Any, Any]):
         state.begun[0] = True
         if self._renderer is not None:
             self._renderer.begin(episodes)
-        return observation, episodes.single_info.at_start()
+        return observation, episodes.info_at_start()
 
     def step(self, action: ArrayLike) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Plays one shot.
@@ -600,21 +587,22 @@ class BilliardsEnv(OfEpisodes, OfArguments, gym.Env[Any, Any]):
             ValueError: If the action does not have the shape of the action space, or a number is not finite.
         """
         episodes = self._episodes
-        over, reward = episodes.state.over, episodes.rewards
-        if over[0] or not episodes.state.begun[0]:
+        state = episodes.state
+        over, reward = state.over, state.rewards
+        if over[0] or not state.begun[0]:
             raise ResetNeeded("The episode is over or has not begun: call reset() before step()")
         action = finite("action", action, self._action_shape)
-        (observations, observation), before = episodes.observer.new_one(), episodes.memory.copy()
+        (observations, observation), before = episodes.observer.new_one(), state.memory.copy()
         try:
             episodes.shoot(0, 1, action[None], reward, observations)
         except BaseException:
             episodes.undo(before)
             raise
-        if episodes.shots.status.item() >= AT_EVENT_LIMIT:
+        if state.status.item() >= AT_EVENT_LIMIT:
             episodes.warn_cut_off(0, before)
         if self._renderer is not None:
-            self._renderer.step(episodes, reward, episodes.state.goals, (False,))
-        return observation, reward.item(), over.item(), False, episodes.single_info.after_shot()
+            self._renderer.step(episodes, reward, state.goals, (False,))
+        return observation, reward.item(), over.item(), False, episodes.info_after_shot()
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
         """Renders the shots, see the class.

@@ -9,16 +9,13 @@ shot with the condition 0 also reaches a goal, without touching a ball.
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
-from billiards_env.envs.tasks import touches_a_ball
-from billiards_env.jit import entry_point, specialised
+from billiards_env.jit import entry_point
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.support.checks import numbers
 
@@ -26,17 +23,10 @@ ACHIEVED, DESIRED = "achieved_goal", "desired_goal"
 CONDITION = 2
 """Column of a goal, after X and Y."""
 
-condition = touches_a_ball  # `achieved_writer` puts the kernel of each task in its place
 
-
-@functools.cache
-def achieved_writer(condition: Callable[..., Any]) -> Callable[..., None]:
-    """Returns `write_achieved` with the condition of a task."""
-    return specialised(write_achieved, condition=condition)
-
-
-def write_achieved(begin, end, goals, half_extents, numbers, arrays):
-    """Writes the achieved goals (m, 3) of the episodes from `begin` to `end - 1`."""
+@entry_point
+def write_achieved(begin, end, goals, half_extents, condition, numbers, arrays):
+    """Writes the achieved goals (m, 3) of the episodes from `begin` to `end - 1` by the kernel `Task.condition`."""
     numbers, arrays = TaskNumbers(*numbers), EpisodeArrays(*arrays)
     for k in range(begin, end):
         for c in range(2):

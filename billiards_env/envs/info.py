@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine import Shots
-from billiards_env.envs.episode_arrays import TALLY, EpisodeArrays
+from billiards_env.envs.episode_arrays import TALLY
+from billiards_env.envs.state import State
 
 
 class InfoArrays(NamedTuple):
@@ -30,27 +30,30 @@ class InfoArrays(NamedTuple):
         return InfoArrays(self.numbers | other.numbers, self.rows | other.rows)
 
 
-def info_arrays(
-    shots: Shots, arrays: EpisodeArrays, actions: NDArray[np.float64], miscues: NDArray[np.bool_] | None
-) -> InfoArrays:
-    """Returns the arrays of the keys of `info` after the last shots. The arrays change with the episodes.
+def info_arrays(state: State, has_cue: bool, has_choices: bool) -> tuple[InfoArrays, InfoArrays]:
+    """Returns the arrays of the keys of `info`: those that change with each shot, and those of an episode.
+
+    The arrays change with the episodes.
 
     Args:
-        shots: The shots.
-        arrays: The episodes.
-        actions: The velocities or strikes that were played.
-        miscues: Whether the tip slipped; None without a cue.
+        state: The episodes.
+        has_cue: Whether a cue strikes the cue balls.
+        has_choices: Whether an action is a choice.
     """
     numbers = {
-        "shot_time": shots.time,
-        "n_events": shots.n_events,
-        "status_code": shots.status,
-        "first_hit": shots.first_hit,
-        **{name: getattr(arrays, name) for name in TALLY},
+        "shot_time": state.time,
+        "n_events": state.n_events,
+        "status_code": state.status,
+        "first_hit": state.first_hit,
+        **{name: getattr(state, name) for name in TALLY},
     }
-    if miscues is not None:
-        numbers["miscue"] = miscues
-    return InfoArrays(numbers, {"played_action": actions, "cushions": shots.cushions, "potted": arrays.potted})
+    if has_cue:
+        numbers["miscue"] = state.miscues
+    of_shots = {"played_action": state.actions, "cushions": state.cushions, "potted": state.potted}
+    of_episode: dict[str, NDArray[Any]] = {"episode_seed": state.episode_seed.view(np.int64)}
+    if has_choices:
+        of_episode["action_mask"] = state.mask
+    return InfoArrays(numbers, of_shots), InfoArrays(state.varied, of_episode)
 
 
 def starts_of(info: InfoArrays, max_shots: int) -> InfoArrays:
@@ -63,44 +66,27 @@ def starts_of(info: InfoArrays, max_shots: int) -> InfoArrays:
     return InfoArrays(starts(info.numbers), starts(info.rows))
 
 
-class SingleInfo:
-    """The `info` of a single episode.
+class Entries(NamedTuple):
+    """The `info` of a single episode: keys with views of the first rows of their arrays."""
 
-    Args:
-        of_shots: The arrays of the keys that change with each shot.
-        of_episode: Those of the keys that do not change in an episode.
-        starts: Those of `of_shots` at the start of an episode.
-    """
-
-    def __init__(self, of_shots: InfoArrays, of_episode: InfoArrays, starts: InfoArrays) -> None:
-        self._shot, self._start = _entries(of_shots, of_episode), _entries(starts._replace(numbers={}), of_episode)
-        self._first = _filled({}, *_entries(starts, of_episode))
-
-    def after_shot(self) -> dict[str, Any]:
-        """Returns the `info` after the last shot, with copies of the arrays."""
-        return _filled(self._first, *self._shot)
-
-    def at_start(self) -> dict[str, Any]:
-        """Returns the `info` at the start of the episode."""
-        return _filled(self._first, *self._start)
+    numbers: list[tuple[str, NDArray[Any]]]
+    rows: list[tuple[str, NDArray[Any]]]
 
 
-_Entries = list[tuple[str, NDArray[Any]]]
-
-
-def _entries(*parts: InfoArrays) -> tuple[_Entries, _Entries]:
-    """Returns the arrays of the numbers, and views of the first rows of the others."""
+def entries_of(*parts: InfoArrays) -> Entries:
+    """Returns the entries of an episode, which change with the arrays."""
     numbers = [entry for part in parts for entry in part.numbers.items()]
-    return numbers, [(key, values[0]) for part in parts for key, values in part.rows.items()]
+    return Entries(numbers, [(key, values[0]) for part in parts for key, values in part.rows.items()])
 
 
-def _filled(first: dict[str, Any], numbers: _Entries, rows: _Entries) -> dict[str, Any]:
-    """Returns a copy of a dict with the first numbers and with copies of the rows."""
-    info = first.copy()  # faster than a new dict, which is resized several times
-    for key, values in numbers:
-        info[key] = values[0]
-    for key, values in rows:
-        info[key] = values.copy()
+def filled(keys: dict[str, Any], *parts: Entries) -> dict[str, Any]:
+    """Returns a new dict with numbers and copies of rows; a copy of `keys`, which has all keys, is made fast."""
+    info = keys.copy()
+    for numbers, rows in parts:
+        for key, values in numbers:
+            info[key] = values[0]
+        for key, values in rows:
+            info[key] = values.copy()
     return info
 
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from billiards_env.doors import Entries, offered
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
-from billiards_env.envs.goal_observations import ACHIEVED, DESIRED, achieved_writer, write_desired
+from billiards_env.envs.goal_observations import ACHIEVED, DESIRED, write_achieved, write_desired
 from billiards_env.envs.tasks import task_of
 from billiards_env.games.game_state import ANYWHERE, BEHIND, CALLS, PUSH_OUT
 from billiards_env.jit import Typed, entry_point, inlined
@@ -528,7 +528,7 @@ class Observer:
         self.space: Any = gym.spaces.Dict(spaces) if self._is_dict else next(iter(spaces.values()))
         writers = {name: FEATURES[name].write for name in self.features}
         if self._has_goal:
-            writers |= {ACHIEVED: achieved_writer(self._task.condition), DESIRED: write_desired}
+            writers |= {ACHIEVED: write_achieved, DESIRED: write_desired}
         self._write = {name: Typed(writer) for name, writer in writers.items()}
         self._foreign = [name for name in row_of(self.features) if is_foreign(FEATURES[name].write)]
         self._bind()
@@ -543,7 +543,7 @@ class Observer:
                 first += math.prod(shape)
         if self._has_goal:
             source = self._source
-            achieved = source.half_extents, tuple(source.numbers), tuple(source.arrays)
+            achieved = source.half_extents, self._task.condition, tuple(source.numbers), tuple(source.arrays)
             self._writers.append((ACHIEVED, self._write[ACHIEVED], achieved))
             self._writers.append((DESIRED, self._write[DESIRED], (source.arrays.goals,)))
 

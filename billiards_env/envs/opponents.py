@@ -22,10 +22,11 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorWrapper
 from numpy.typing import NDArray
 
+from billiards_env.doors import load
 from billiards_env.envs.info import masked_info
 from billiards_env.envs.observations import nth
 from billiards_env.envs.vector import BilliardsVectorEnv, masked_rows
-from billiards_env.support.checks import Range, integer, short
+from billiards_env.support.checks import Range, integer, numbers, shaped, short
 
 Policy = Callable[[Any, NDArray[np.int64]], NDArray[Any]]
 """A function `(observations, rows) -> actions`. `rows` (k,) are the numbers of the environments."""
@@ -45,12 +46,13 @@ class Opponents(VectorWrapper):
 
     Args:
         envs: A vector environment of games of several players.
-        policy: Plays the turns of the other players; `players.env_player.acting_in` makes it from a player. Assign to
-            the attribute `policy` to replace it at any time.
+        policy: Plays the turns of the other players: a function, or the name of a player, such as "planner:club" or
+            "policy:FOLDER". Assign another function to the attribute `policy` at any time. It plays from the next shot
+            on, also in games that have begun.
         seat: The player who learns, from 0 to `n_players` - 1; None to change the seat.
 
     Attributes:
-        policy: As above.
+        policy: The function.
         seats: (num_envs,) int64, the player who learns in each game.
         unplayed: The returns of the learner in games that ended before its first turn.
 
@@ -59,7 +61,7 @@ class Opponents(VectorWrapper):
         ValueError: If it has one player, or there is no such seat.
     """
 
-    def __init__(self, envs: BilliardsVectorEnv, policy: Policy, seat: int | None = None) -> None:
+    def __init__(self, envs: BilliardsVectorEnv, policy: Policy | str, seat: int | None = None) -> None:
         if not isinstance(envs, BilliardsVectorEnv):
             raise TypeError(f"envs = {short(envs)}: expected a BilliardsVectorEnv")
         players = envs.single_env.model.n_players
@@ -67,7 +69,8 @@ class Opponents(VectorWrapper):
             raise ValueError("envs with n_players = 1: expected a game of several players")
         super().__init__(envs)
         self.metadata = {**envs.metadata, "autoreset_mode": AutoresetMode.SAME_STEP}
-        self.policy, self._games, self._players = policy, envs, players
+        self.policy = load("opponent")(policy, envs) if isinstance(policy, str) else policy
+        self._games, self._players = envs, players
         self._first = np.arange(envs.num_envs) % players  # the seats of seeded games
         self._moves = 0 if seat is not None else 1
         if seat is not None:
@@ -151,11 +154,18 @@ class Opponents(VectorWrapper):
         games = np.arange(self.num_envs)
         while (waiting := mask & ~over & (infos["next_player"] != self.seats)).any():
             actions = np.zeros((self.num_envs, *self._games.single_env.action_space.shape))
-            actions[waiting] = self.policy(nth(observations, waiting), np.flatnonzero(waiting))
+            actions[waiting] = self._actions(nth(observations, waiting), np.flatnonzero(waiting))
             observations, _, over, _, played = self._games.step_where(waiting, actions)
             rewards += np.where(waiting, played["rewards"][games, self.seats], 0.0)
             infos = {key: merged(waiting, played[key], infos[key]) for key in infos}
         return observations, over, infos
+
+    def _actions(self, observations: Any, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Returns the actions of the policy after a check."""
+        name, actions = f"actions of the policy {short(self.policy)}", self.policy(observations, rows)
+        if isinstance(actions, tuple):
+            raise TypeError(f"{name} = {short(actions)}: expected an array, the first result of model.predict")
+        return shaped(name, numbers(name, actions), (len(rows), *self._games.single_env.action_space.shape))
 
 
 def _plain(infos: dict[str, Any]) -> dict[str, Any]:

@@ -11,108 +11,28 @@
     >>> bool((envs.positions == env.positions).all()), bool((envs.get_state() == env.get_state()).all())
     (True, True)
 
-The live state of m episodes is one block of memory with one array after the other (`StateArrays`). A copy of the block
-is a copy of the state. The block of one episode is also its row.
+`envs.state` lists the fields.
 """
 
 from __future__ import annotations
 
 import copy
-import hashlib
 import io
-import json
 import os
-from collections.abc import Iterator, Set
-from typing import Any, NamedTuple
+from collections.abc import Set
+from typing import Any
 
-import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine.compile import PIC, cached_by_scene
+from billiards_env.engine.compile import PIC
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.envs.arguments import Model
-from billiards_env.envs.tasks import task_of
-from billiards_env.games.game_state import REPLACE, STATE, check_indices
+from billiards_env.envs.state import SAVED, EpisodeState, hashed_names, parts, scene_hash
+from billiards_env.games.game_state import REPLACE, check_indices
 from billiards_env.jit import streams
-from billiards_env.scene import Scene
 from billiards_env.support.checks import is_masked_array, short, short_name
 from billiards_env.support.files import MAX_ARCHIVE, check_path, read_arrays, write_atomically
-
-EpisodeState = NDArray[np.void]
-
-
-class StateArrays(NamedTuple):
-    """The fields of a state, in order, as arrays of m episodes.
-
-    Attributes:
-        scene: (m,) uint64: a hash of the scene and of the names in `randomize`.
-        stream: (m, 4) uint64: the random stream of the layouts, see `jit.streams`; 0 before it is seeded.
-        noise_stream: (m, 4) uint64: the random stream of the execution noise and of the scatter; 0 without both.
-        episode_seed: (m, 8) uint64: both streams before the draws of the episode, so at its start.
-        positions: (m, n, 2) float64, m.
-        goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
-        physics: (m, p) float64: the numbers of `randomize`, in its order.
-        before_positions: (m, n, 2) m, the positions before the last shot, in games in which a player may have it
-            played again; (m, 0, 2) in others.
-        game: (m,) `games.STATE` in the tasks that are games, (m, 0) in the others.
-        before_game: (m,) `games.STATE` before the last shot, or (m, 0), as `before_positions`.
-        score: (m,) int64: points of the episode; undefined if `fresh`.
-        shots_left: (m,) int64: number of shots left; undefined if `fresh`.
-        in_play: (m, n) bool: whether a ball is on the table.
-        legal_balls: (m, n) bool in the tasks that are games, (m, 0) in the others, see `EpisodeArrays`.
-        is_success: (m,) bool: whether the task is achieved; undefined if `fresh`.
-        fresh: (m,) bool: whether the episode has had no shot.
-        over: (m,) bool: whether the episode has ended; True before the first episode.
-        begun: (m,) bool: whether there was a first episode.
-        task: (m,) S24, or longer for a longer name: the name of the task, without its module.
-    """
-
-    scene: NDArray[np.uint64]
-    stream: NDArray[np.uint64]
-    noise_stream: NDArray[np.uint64]
-    episode_seed: NDArray[np.uint64]
-    positions: NDArray[np.float64]
-    goals: NDArray[np.float64]
-    physics: NDArray[np.float64]
-    before_positions: NDArray[np.float64]
-    game: NDArray[np.void]
-    before_game: NDArray[np.void]
-    score: NDArray[np.int64]
-    shots_left: NDArray[np.int64]
-    in_play: NDArray[np.bool_]
-    legal_balls: NDArray[np.bool_]
-    is_success: NDArray[np.bool_]
-    fresh: NDArray[np.bool_]
-    over: NDArray[np.bool_]
-    begun: NDArray[np.bool_]
-    task: NDArray[np.bytes_]
-
-
-def state_type(model: Model) -> np.dtype[np.void]:
-    """Returns the type of a row. The fields of 8 bytes come first, so that all arrays of a block are aligned."""
-    n, is_game = model.scene.n_balls, task_of(model.task, model.n_players).is_game
-    replaces = model.setup is not None and model.setup.miss
-    kinds = (
-        *("u8", ("u8", 4), ("u8", 4), ("u8", 8), ("f8", (n, 2)), ("f8", (1 if model.goal_radius else 0, 2))),
-        *(("f8", (len(model.randomize),)), ("f8", (n if replaces else 0, 2))),
-        *(STATE if is_game else (STATE, (0,)), STATE if replaces else (STATE, (0,)), "i8", "i8"),
-        *(("?", (n,)), ("?", (n if is_game else 0,))),
-        *("?", "?", "?", "?", ("S", max(24, len(short_name(model.task))))),
-    )
-    return np.dtype(list(zip(StateArrays._fields, kinds, strict=True)))
-
-
-def hashed_names(model: Model) -> tuple[str, ...]:
-    """Returns the texts that are part of the hash of a scene: the names in `randomize`, and the number of players."""
-    return (*model.randomize, *([] if model.n_players == 1 else [f"{model.n_players} players"]))
-
-
-@cached_by_scene
-def scene_hash(scene: Scene, names: tuple[str, ...]) -> int:
-    """Returns a hash of a scene and of the names of the numbers that vary, the same in every process."""
-    text = json.dumps([scene.to_dict(), names])
-    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=8).digest(), "big")
 
 
 def checked_state(state: Any, kind: np.dtype[np.void], model: Model, count: int) -> EpisodeState:
@@ -132,17 +52,8 @@ def checked_state(state: Any, kind: np.dtype[np.void], model: Model, count: int)
 
 
 def _check_fields(state: Any) -> None:
-    if (
-        not isinstance(state, (np.ndarray, np.void))
-        or is_masked_array(state)
-        or state.dtype.names != StateArrays._fields
-    ):
+    if not isinstance(state, (np.ndarray, np.void)) or is_masked_array(state) or state.dtype.names != SAVED:
         raise TypeError(f"state = {short(state)}: expected an array that get_state returned")
-
-
-def parts(count: int) -> Iterator[slice]:
-    """Returns slices of an array of `count` rows. Each slice fits in the cache of a core."""
-    return (slice(at, at + 2048) for at in range(0, count, 2048))
 
 
 def _check_rows(rows: EpisodeState, kind: np.dtype[np.void], model: Model) -> None:
@@ -245,12 +156,12 @@ def copied(env: Any, shared: Set[str], memo: dict[int, Any], **changed: Any) -> 
     memo[id(env)] = twin
     for name in values.keys() - shared:
         value = values[name]
-        if isinstance(value, gym.Space):
+        if name in SPACES:
             space = values[name] = object.__new__(type(value))
-            space.__dict__.update(value.__dict__, _np_random=copy.deepcopy(value._np_random))
+            space.__dict__.update(value.__dict__, _np_random=streams.copied(value._np_random))
         else:
             values[name] = copy.deepcopy(value, memo)
-    twin.__dict__.update(values)  # at the end: a copy that fails owns nothing
+    twin.__dict__.update(values)
     return twin
 
 
@@ -278,6 +189,6 @@ def load_state(path: str | os.PathLike[str]) -> EpisodeState:
         ValueError: If it is not a file of a state, or is larger than `files.MAX_ARCHIVE`.
     """
     state = read_arrays(path, "save_state").get("state")
-    if state is None or state.dtype.names != StateArrays._fields:
+    if state is None or state.dtype.names != SAVED:
         raise ValueError(f"path = {os.fspath(path)!r}: expected a file of save_state, it holds other arrays")
     return state

@@ -15,11 +15,12 @@ for a scratch are not part of a task. The rules of games are in `billiards_env.g
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.envs.episode_arrays import TaskNumbers
 from billiards_env.games.carom import CUSHIONS_TO_TOUCH, is_carom
 from billiards_env.games.facts import facts_of_shot
 from billiards_env.games.game_state import NO_FOUL, NOT_IN_HAND, SHOT, STATE, Called, size
@@ -29,6 +30,9 @@ from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
 from billiards_env.support.checks import RANGES, Range, add_entry, entry_of, short_name
+
+if TYPE_CHECKING:
+    from billiards_env.envs.arguments import Model
 
 
 @kernel
@@ -215,7 +219,7 @@ class Task(NamedTuple):
     """A task.
 
     Attributes:
-        judge: The kernel, see the module's docstring.
+        judge: The kernel, see the module's docstring; None only for a game of several players, which has a referee.
         layout: The default layout.
         scene: The name of the default scene.
         n_object_balls: The smallest and the largest number of object balls; None for no limit.
@@ -234,7 +238,7 @@ class Task(NamedTuple):
         flies: Whether the cue ball must leave the cloth: the scene needs flights, and the action a cue.
     """
 
-    judge: Callable[..., Any]
+    judge: Callable[..., Any] | None
     layout: str
     scene: str = "pool"
     n_object_balls: tuple[int, int | None] = (1, None)
@@ -318,13 +322,13 @@ def register_task(name: str, task: Task) -> None:
 def task_of(name: str, n_players: int = 1) -> Task:
     """Returns a task: that of `TASKS` for one player, and for several players that of the game of `GAMES`.
 
-    The referee judges the shots of a game of several players, see `envs.turns`. Its `Task.judge` is not used.
+    The referee judges the shots of a game of several players, see `envs.turns`. Its `Task.judge` is None.
     """
     if n_players == 1:
         return entry_of("task", name, TASKS)
     game = entry_of("task", name, GAMES)
     return Task(
-        judge=judge_pot,
+        judge=None,
         layout=game.layouts[0],
         scene=game.scene,
         n_object_balls=game.n_object_balls,
@@ -355,6 +359,21 @@ def opening_of(entry: Task, scene: Scene, layout: str, **fields: Any) -> tuple[N
         fields["in_hand"] = NOT_IN_HAND
     states = np.array([first_state(entry.rules, scene.n_balls, **fields)], STATE)
     return states, int(legal_balls(entry.rules, states, np.zeros(1, np.int64))[0])
+
+
+def task_numbers(model: Model) -> TaskNumbers:
+    """Returns the constants of the task of an environment."""
+    fields = model.setup.state_fields if model.setup else {}
+    opening, legal = opening_of(task_of(model.task, model.n_players), model.scene, model.layout, **fields)
+    return TaskNumbers(
+        targets=model.targets,
+        bits=np.left_shift(1, np.arange(model.scene.n_balls)),
+        opening=opening,
+        legal=legal,
+        goal_radius=model.goal_radius,
+        max_shots=model.max_shots,
+        scratch_penalty=model.scratch_penalty,
+    )
 
 
 def task_targets(task: str, scene: Scene, n_players: int = 1) -> NDArray[np.bool_]:

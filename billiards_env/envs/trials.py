@@ -21,7 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.engine.threads import parallel_for
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.episodes import Episodes
-from billiards_env.envs.snapshots import EpisodeState, checked_state
+from billiards_env.envs.snapshots import checked_state
+from billiards_env.envs.state import EpisodeState
 from billiards_env.jit import streams
 from billiards_env.support.checks import finite, numbers, short
 
@@ -84,7 +85,7 @@ class Trials:
                 self._episodes = Episodes(1 << max(m - 1, 0).bit_length(), self._model)
             episodes, rows = self._episodes, np.arange(m)
             if states is not None:
-                own = checked_state(states, episodes.kind, self._without_noise, m)
+                own = checked_state(states, episodes.state.types.saved, self._without_noise, m)
             elif len(own) not in (1, m):
                 raise ValueError(f"actions: expected {len(own)}, one for each environment, not {m}")
             ended = np.flatnonzero(own["over"] | ~own["begun"])
@@ -92,14 +93,13 @@ class Trials:
                 row = f"environment {ended[0]}" if states is None else f"states[{ended[0]}]"
                 raise ResetNeeded(f"{row} has not begun or is over: call reset(), or leave out the `terminated` rows")
             episodes.put(rows, own)
-            episodes.model = self._without_noise
-            if noise is not None and self._model.is_noisy:
-                episodes.model = self._model
+            is_noisy = self._model.is_noisy and noise is not None
+            if noise is not None and is_noisy:
                 episodes.state.noise_stream[:m] = streams.drawn(m, noise)
             rewards, observations = np.empty(m), episodes.observer.new(m)
 
             def work(begin: int, end: int) -> None:
-                episodes.shoot(begin, end, actions, rewards, observations)
+                episodes.shoot(begin, end, actions, rewards, observations, is_noisy)
 
             parallel_for(work, m, threads)
             arrays = {
@@ -107,4 +107,4 @@ class Trials:
             }
             infos = {name: array[:m].copy() for name, array in arrays.items() if name != "episode_seed"}
             over = episodes.state.over[:m].copy()
-            return Outcomes(observations, rewards, over, infos, episodes.take(rows))
+            return Outcomes(observations, rewards, over, infos, episodes.state.take(rows))

@@ -21,10 +21,10 @@ from billiards_env.envs.actions import cue_strike
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays
-from billiards_env.envs.snapshots import StateArrays
+from billiards_env.envs.state import State, TurnArrays
 from billiards_env.envs.tasks import write_legal_balls
 from billiards_env.games.facts import facts_of_shot
-from billiards_env.games.game_state import CALL, CALLS, HAND_BACK, SAFETY, SHOT, verdict
+from billiards_env.games.game_state import CALLS, HAND_BACK, SAFETY, SHOT, verdict
 from billiards_env.games.placement import PlacementNumbers, cue_ball_area_of, place_cue_ball
 from billiards_env.games.playing import NO_CALL, Call, Setup, Stroke
 from billiards_env.games.transition import after_shot, without_shot
@@ -32,42 +32,6 @@ from billiards_env.jit import Typed, entry_point, inlined
 from billiards_env.physics.state import X, Y
 
 Floats = NDArray[np.float64]
-
-
-class TurnArrays(NamedTuple):
-    """The last shots of m games of p players.
-
-    Attributes:
-        calls: (m,) `games.CALL` of the shots.
-        pockets: (m,) int64, the called pockets, -1 for none.
-        strokes: (m, size) float64, the numbers of the actions that describe the shots; zeros for a call without a shot,
-            and NaN if the last shot is not known.
-        places: (m, 2) float64, m: where the player placed a cue ball in hand; NaN if it was not in hand.
-        player: (m,) int64, the player of the shot.
-        next_player: (m,) int64, the player of the next shot.
-        foul: (m,) int64, index in `games.FOULS`.
-        winner: (m,) int64, the player who has won, or -1.
-        scores: (m, p) int64, the score of each player.
-        rewards: (m, p) float64, the rewards of all players.
-        spotted: (m, n) bool, the balls that return to the table.
-        before_positions: (m, n, 2) m, the positions before the last shot, if players may have a shot played again (the
-            call "replace"); else (m, 0, 2).
-        before_states: (m,) `games.STATE` before the last shot, or (0,).
-    """
-
-    calls: Any
-    pockets: Any
-    strokes: Any
-    places: Any
-    player: Any
-    next_player: Any
-    foul: Any
-    winner: Any
-    scores: Any
-    rewards: Any
-    spotted: Any
-    before_positions: Any
-    before_states: Any
 
 
 class GameNumbers(NamedTuple):
@@ -96,27 +60,6 @@ def game_numbers(setup: Setup, sizes: tuple[int, int, int]) -> GameNumbers:
     """Returns the constants of a game; `sizes` is `Model.n_numbers`."""
     pockets, by_points = len(setup.scene.table.pockets), setup.target is not None
     return GameNumbers(setup.placement_table, by_points, pockets, *sizes, setup.has_safety)
-
-
-def turn_arrays(state: StateArrays, players: int, size: int) -> TurnArrays:
-    """Returns the arrays of the games of a state, before the first shot; `size` numbers describe a shot."""
-    count, n = state.in_play.shape
-    whole = np.zeros((4, count), np.int64)
-    return TurnArrays(
-        calls=np.zeros(count, CALL),
-        pockets=np.full(count, -1),
-        strokes=np.full((count, size), np.nan),
-        places=np.full((count, 2), np.nan),
-        player=whole[0],
-        next_player=whole[1],
-        foul=whole[2],
-        winner=whole[3],
-        scores=np.zeros((count, players), np.int64),
-        rewards=np.zeros((count, players)),
-        spotted=np.zeros((count, n), np.bool_),
-        before_positions=state.before_positions,
-        before_states=state.before_game.reshape(-1),
-    )
 
 
 @inlined
@@ -325,62 +268,66 @@ class GameKernels:
     """The kernels and the constants of a game of several players.
 
     Args:
-        setup: The settings of the game.
-        sizes: `Model.n_numbers`.
+        model: The arguments of the environment.
+        numbers: The constants of the task.
+
+    Attributes:
+        has_two_cue_balls: Whether players have cue balls of their own.
     """
 
-    def __init__(self, setup: Setup, sizes: tuple[int, int, int]) -> None:
-        self._setup, self._size = setup, sizes[0]
-        self._numbers = tuple(game_numbers(setup, sizes))
-        self._rules = setup.game_rules.kernels
+    def __init__(self, model: Model, numbers: TaskNumbers) -> None:
+        assert model.setup is not None
+        game, self._n_players = model.setup.game_rules, model.setup.n_players
+        self.has_two_cue_balls = len(game.cue_balls) > 1
+        self._task, self._numbers = tuple(numbers), tuple(game_numbers(model.setup, model.n_numbers))
+        self._rules = game.kernels
         entries = begin_games, write_legal, take_actions, copy_tables, score_turns
-        self._begin, self._write_legal, self._take, self._copy_tables, self._score = map(Typed, entries)
+        self._begin, self._write_legal, self._take, self._see, self._score = map(Typed, entries)
 
-    def allocate(self, state: StateArrays, arrays: EpisodeArrays) -> tuple[TurnArrays, EpisodeArrays]:
-        """Returns the arrays of games, and the episodes as the player to shoot observes them.
+    def take(self, state: State, begin: int, end: int, actions: NDArray[Any]) -> NDArray[Any]:
+        """Makes the calls of actions, and places cue balls in hand.
 
-        In a game with two cue balls the cue ball of the next shot is ball 0 of an observation.
+        Returns:
+            The numbers of the strokes; for actions that are choices, and have no other numbers, the actions.
         """
-        seen = arrays
-        if len(self._setup.game_rules.cue_balls) > 1:
-            names = ("positions", "in_play", "legal_balls")
-            seen = arrays._replace(**{name: np.zeros_like(getattr(arrays, name)) for name in names})
-        return turn_arrays(state, self._setup.n_players, self._size), seen
+        are_choices = actions.ndim == 1
+        given = state.strokes if are_choices else actions
+        check_room(self._take.call(begin, end, given, self._numbers, state.arrays, tuple(_turns(state))))
+        return actions if are_choices else state.strokes
 
-    def take(self, begin: int, end: int, actions: Floats, arrays: Any, turns: TurnArrays) -> None:
-        """Makes the calls of actions, places cue balls in hand, and sets `TurnArrays.strokes`."""
-        given = actions if actions.ndim > 1 else turns.strokes  # a choice has no numbers for the place and the call
-        self._check(self._take.call(begin, end, given, self._numbers, arrays, tuple(turns)))
-
-    def shoots(self, turns: TurnArrays) -> NDArray[np.bool_]:
+    def shoots(self, state: State) -> NDArray[np.bool_]:
         """Returns in which games (m,) the cue ball is struck: not after a call of `NO_SHOT`."""
-        return turns.calls["kind"] < HAND_BACK
+        return ~state.over & (_turns(state).calls["kind"] < HAND_BACK)
 
-    def infos(self, turns: TurnArrays, states: NDArray[Any]) -> tuple[InfoArrays, InfoArrays]:
+    def score(self, state: State, begin: int, end: int, rewards: Floats) -> None:
+        """Judges the shots and prepares the next ones, see `score_turns`."""
+        turns = tuple(_turns(state))
+        check_room(self._score.call(self._rules, begin, end, self._task, self._numbers, state.arrays, turns, rewards))
+
+    def begin(self, state: State, begin: int, end: int, mask: NDArray[np.bool_]) -> None:
+        """Prepares the first shots of the games in the mask (m,)."""
+        check_room(self._begin.call(self._rules, begin, end, mask, self._numbers, state.arrays))
+
+    def see(self, state: State, begin: int, end: int) -> None:
+        """Copies the tables for observations, see `State.seen`."""
+        seen = state.seen
+        self._see.call(begin, end, state.arrays, (seen.positions, seen.in_play, seen.legal_balls))
+
+    def write_legal(self, state: State) -> None:
+        """Writes the balls that each observing player may touch first in all games."""
+        self._write_legal.call(self._rules.legal, 0, len(state.over), state.arrays)
+
+    def infos(self, state: State) -> tuple[InfoArrays, InfoArrays]:
         """Returns the arrays of the keys of `info` after a shot, and of those at the start of an episode."""
+        turns, games = _turns(state), state.seen.states
         numbers = {name: getattr(turns, name) for name in ("player", "next_player", "foul", "winner")}
         rows = {name: getattr(turns, name) for name in ("scores", "rewards", "spotted")}
-        scores = states["scores"][:, : self._setup.n_players]
-        return InfoArrays(numbers, rows), InfoArrays({"next_player": states["player"]}, {"scores": scores})
+        scores = games["scores"][:, : self._n_players]
+        return InfoArrays(numbers, rows), InfoArrays({"next_player": games["player"]}, {"scores": scores})
 
-    def score(
-        self,
-        begin: int,
-        end: int,
-        numbers: Any,
-        arrays: Any,
-        turns: TurnArrays,
-        rewards: Floats,
-    ) -> None:
-        """Judges the shots and prepares the next ones, see `score_turns`."""
-        self._check(self._score.call(self._rules, begin, end, numbers, self._numbers, arrays, tuple(turns), rewards))
-
-    def begin(self, begin: int, end: int, mask: NDArray[np.bool_], arrays: Any) -> None:
-        """Prepares the first shots of the games in the mask (m,)."""
-        self._check(self._begin.call(self._rules, begin, end, mask, self._numbers, arrays))
-
-    def stroke(self, k: int, model: Model, turns: TurnArrays) -> Stroke | None:
+    def stroke(self, state: State, k: int) -> Stroke | None:
         """Returns the last stroke in game k, see `BilliardsEnv.stroke`."""
+        turns, model = _turns(state), state.model
         if math.isnan(turns.strokes[k, X]):
             return None
         called, place = turns.calls[k], turns.places[k].tolist()
@@ -392,14 +339,13 @@ class GameKernels:
         place = None if math.isnan(place[X]) else (place[X], place[Y])
         return Stroke(tuple(struck.velocity.tolist()), place, (wx, wy, wz), call)
 
-    def write_legal(self, arrays: Any, count: int) -> None:
-        """Writes the balls that each observing player may touch first in all games."""
-        self._write_legal.call(self._rules.legal, 0, count, arrays)
 
-    def copy_tables(self, begin: int, end: int, arrays: Any, seen: EpisodeArrays) -> None:
-        """Copies the tables for observations, see `allocate`."""
-        self._copy_tables.call(begin, end, arrays, (seen.positions, seen.in_play, seen.legal_balls))
+def _turns(state: State) -> TurnArrays:
+    assert state.turns is not None
+    return state.turns
 
-    def _check(self, failed: int) -> None:
-        if failed >= 0:
-            raise ValueError(f"game {failed}: found no room for a ball on the table, expected fewer or smaller balls")
+
+def check_room(failed: int) -> None:
+    """Raises a ValueError for a game without room for a ball; -1 for none."""
+    if failed >= 0:
+        raise ValueError(f"game {failed}: found no room for a ball on the table, expected fewer or smaller balls")

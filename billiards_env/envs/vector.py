@@ -19,10 +19,12 @@ from billiards_env.engine import parallel_for
 from billiards_env.engine.shots import AT_EVENT_LIMIT
 from billiards_env.envs.arguments import Model, OfArguments, check_options, fixed, json_spec, model_of
 from billiards_env.envs.billiards import FPS, RENDER_MODES, BilliardsEnv
-from billiards_env.envs.episodes import Episodes, noise_key, noise_stream
+from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.info import copied_info, masked_info, with_starts
 from billiards_env.envs.observations import nth
-from billiards_env.envs.snapshots import SPACES, EpisodeState, OfEpisodes, checked_state, copied
+from billiards_env.envs.reset import noise_key, noise_stream
+from billiards_env.envs.snapshots import SPACES, OfEpisodes, checked_state, copied
+from billiards_env.envs.state import EpisodeState
 from billiards_env.envs.trials import Outcomes, Trials
 from billiards_env.jit import streams
 from billiards_env.support.checks import integer, one_of, shaped, short, suggestion
@@ -185,7 +187,7 @@ class BilliardsVectorEnv(OfEpisodes, OfArguments, VectorEnv[Any, Any, NDArray[An
         Raises:
             ValueError: If there is no such environment.
         """
-        return self._episodes.take(self._rows(rows))
+        return self._episodes.state.take(self._rows(rows))
 
     def set_state(self, state: EpisodeState, rows: Any = None) -> None:
         """Sets the states of environments, which continue from them bit for bit.
@@ -201,7 +203,7 @@ class BilliardsVectorEnv(OfEpisodes, OfArguments, VectorEnv[Any, Any, NDArray[An
         """
         chosen, episodes = self._rows(rows), self._episodes
         count = self.num_envs if chosen is None else len(chosen)
-        episodes.put(chosen, checked_state(state, episodes.kind, episodes.model, count))
+        episodes.put(chosen, checked_state(state, episodes.state.types.saved, episodes.model, count))
         self._seeds[... if chosen is None else chosen] = -1
         self._draw_layouts()
 
@@ -254,7 +256,7 @@ class BilliardsVectorEnv(OfEpisodes, OfArguments, VectorEnv[Any, Any, NDArray[An
     def action_masks(self) -> Callable[[], Bools]:
         """A method that returns the possible plans of each environment, (num_envs, choices), see `BilliardsEnv`."""
         _ = self.single_env.action_masks  # raises if there is none
-        return lambda: self._episodes.mask.astype(np.bool_)
+        return lambda: self._episodes.state.mask.astype(np.bool_)
 
     def decode(self, observations: Any) -> dict[str, Any]:
         """Returns the features of observations (..., size) by name, see `observations.decode`."""
@@ -267,7 +269,7 @@ class BilliardsVectorEnv(OfEpisodes, OfArguments, VectorEnv[Any, Any, NDArray[An
             AttributeError: If a `BilliardsEnv` has no such attribute.
         """
         if name == "episode_scene":
-            return tuple(self._episodes.scene_and_engine(k)[0] for k in range(self.num_envs))
+            return tuple(self._episodes.state.scene_and_engine(k)[0] for k in range(self.num_envs))
         if name in _OF_EACH:
             return tuple(getattr(self, name))
         if name in ("game", "stroke"):
@@ -393,7 +395,7 @@ class BilliardsVectorEnv(OfEpisodes, OfArguments, VectorEnv[Any, Any, NDArray[An
         episodes, m, state = self._episodes, self.num_envs, self._episodes.state
         if np.count_nonzero(state.begun) < m:
             raise ResetNeeded("The episodes have not begun: call reset() before step()")
-        memory = episodes.memory.copy()
+        memory = state.memory.copy()
         skip, goals, physics, seeds = (
             array.copy() for array in (state.over, state.goals, state.physics, state.episode_seed)
         )  # before the step
@@ -420,15 +422,15 @@ class BilliardsVectorEnv(OfEpisodes, OfArguments, VectorEnv[Any, Any, NDArray[An
             raise
         if self._renderer is not None:
             self._renderer.step(episodes, rewards, goals, skip)
-        status = episodes.shots.status
+        status = state.status
         if np.count_nonzero(cut := status >= AT_EVENT_LIMIT):
             for k in np.flatnonzero(cut & ~skip)[:1]:
                 episodes.warn_cut_off(k, memory)
         info = copied_info(episodes.of_shots)
-        info |= {name: physics[:, j].copy() for j, name in enumerate(episodes.physics)}
+        info |= {name: physics[:, j].copy() for j, name in enumerate(state.varied)}
         info["episode_seed"] = seeds.view(np.int64)
         if episodes.choices:
-            info["action_mask"] = episodes.mask * ~over[:, None]
+            info["action_mask"] = state.mask * ~over[:, None]
         begun = over if same_step else skip  # the episodes that this step has begun
         infos = masked_info(with_starts(info, begun, episodes.starts, episodes.of_episode), np.ones(m, np.bool_))
         if same_step and np.count_nonzero(over):
@@ -460,7 +462,7 @@ class BilliardsVectorEnv(OfEpisodes, OfArguments, VectorEnv[Any, Any, NDArray[An
         mask = _checked_mask("mask", mask, m)
         if (mask & (state.over | ~state.begun)).any():
             raise ResetNeeded("An episode in the mask is over or has not begun: call reset() with a reset_mask")
-        memory, over, checked = episodes.memory.copy(), state.over.copy(), self._checked_actions(actions, ~mask)
+        memory, over, checked = state.memory.copy(), state.over.copy(), self._checked_actions(actions, ~mask)
         rewards, observations = np.empty(m), episodes.observer.new(m)
         state.over[~mask] = True  # leaves the other environments out
         try:

@@ -11,6 +11,7 @@ from billiards_env.jit.decorators import (
     kernels_of,
     specialised,
 )
+from billiards_env.jit.room import room_for
 
 __all__ = [
     "Typed",
@@ -21,5 +22,6 @@ __all__ = [
     "inlined",
     "kernel",
     "kernels_of",
+    "room_for",
     "specialised",
 ]

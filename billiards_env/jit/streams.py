@@ -6,6 +6,7 @@ from a `numpy.random.Generator` continues with the numbers that `Generator.rando
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import Any
 
@@ -93,6 +94,18 @@ def generator(stream: Stream) -> np.random.Generator:
     rng = np.random.Generator(np.random.PCG64(0))
     write(rng, stream)
     return rng
+
+
+def copied(rng: np.random.Generator | None) -> np.random.Generator | None:
+    """Returns a copy of a generator, which draws the same numbers, ten times as fast as `copy.deepcopy`.
+
+    Both have one `SeedSequence`, so what they spawn differs.
+    """
+    if rng is None or type(rng.bit_generator) is not np.random.PCG64:
+        return copy.deepcopy(rng)
+    twin = np.random.PCG64(rng.bit_generator.seed_seq)
+    twin.state = rng.bit_generator.state
+    return np.random.Generator(twin)
 
 
 def read(rng: np.random.Generator) -> Stream:

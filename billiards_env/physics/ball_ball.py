@@ -18,36 +18,32 @@ from billiards_env.physics.laws.balls import (
     tilt_between,
     up_after,
 )
-from billiards_env.physics.laws.tables import friction_of, restitution_of
 from billiards_env.physics.state import VZ, X, Y, ball_of, set_motion
 
 
 @inlined
-def impulse_of(ball_restitution, closing, inv_mass_i, inv_mass_j, numbers):
-    """Returns `normal_impulse` with the restitution of the law `SceneArrays.ball_restitution`."""
-    return normal_impulse(closing, inv_mass_i, inv_mass_j, restitution_of(ball_restitution, numbers, closing))
+def _rub_both(friction, laws, tilt, a, b, pair, p, numbers):
+    """Returns the states of two balls after the friction of an impact.
 
-
-@inlined
-def _rub_both(ball_friction, tilt, a, b, pair, p, numbers):
-    """Returns the states of two balls after the friction of an impact; the arguments are those of `push_apart`."""
-    if ball_friction is None:
+    `friction` is `laws.friction`; the other arguments are those of `push_apart`.
+    """
+    if friction is None:
         return a, b
     inverse = pair.inv_mass_i + pair.inv_mass_j
     across, up = contact_slip(tilt, a, b, pair)
     up = up_after(tilt, up, p * inverse)
     slip = norm(across, up)
-    limit = friction_of(ball_friction, numbers, slip) * along_normal(tilt, p)
+    limit = laws.friction(numbers, slip) * along_normal(tilt, p)
     push = friction_impulse(across, up, slip, limit, 1.0 / (3.5 * inverse))
     return rub(a, 1.0, push, tilt, pair), rub(b, -1.0, push, tilt, pair)
 
 
 @inlined
-def push_apart(ball_friction, tilt, a, b, pair, p, numbers):
+def push_apart(laws, tilt, a, b, pair, p, numbers):
     """Returns the states of two balls after an impulse along their line of centres and its friction.
 
     Args:
-        ball_friction: `SceneArrays.ball_friction`.
+        laws: `SceneArrays.laws`.
         tilt: See `contact_slip`.
         a: The `BallState` of the first ball.
         b: That of the second ball.
@@ -55,7 +51,7 @@ def push_apart(ball_friction, tilt, a, b, pair, p, numbers):
         p: The horizontal part of the impulse, kg m/s.
         numbers: The `Numbers`.
     """
-    a, b = _rub_both(ball_friction, tilt, a, b, pair, p, numbers)
+    a, b = _rub_both(laws.friction, laws, tilt, a, b, pair, p, numbers)
     nx, ny, mi, mj = pair.nx, pair.ny, pair.inv_mass_i, pair.inv_mass_j
     return (
         push_ball(a, -p * mi * nx, -p * mi * ny, numbers.motion),
@@ -64,12 +60,11 @@ def push_apart(ball_friction, tilt, a, b, pair, p, numbers):
 
 
 @inlined
-def meet(ball_restitution, ball_friction, are_spheres, a, b, bodies, numbers):
+def meet(laws, are_spheres, a, b, bodies, numbers):
     """Returns the states of two balls after their impact.
 
     Args:
-        ball_restitution: `SceneArrays.ball_restitution`.
-        ball_friction: `SceneArrays.ball_friction`.
+        laws: `SceneArrays.laws`.
         are_spheres: Whether the balls are spheres.
         a: The `BallState` of the first ball.
         b: That of the second ball.
@@ -81,9 +76,9 @@ def meet(ball_restitution, ball_friction, are_spheres, a, b, bodies, numbers):
     distance = norm(dx, dy)
     nx, ny = dx / distance, dy / distance
     closing = -(nx * (b.vx - a.vx) + ny * (b.vy - a.vy))
-    p = impulse_of(ball_restitution, closing, inv_mass_i, inv_mass_j, numbers)
+    p = normal_impulse(closing, inv_mass_i, inv_mass_j, laws.restitution(numbers, closing))
     pair = Pair(nx, ny, radius_i, radius_j, inv_mass_i, inv_mass_j)
-    return push_apart(ball_friction, tilt_between(are_spheres, radius_i, radius_j), a, b, pair, p, numbers)
+    return push_apart(laws, tilt_between(are_spheres, radius_i, radius_j), a, b, pair, p, numbers)
 
 
 @kernel
@@ -97,7 +92,7 @@ def _exchange_many(e, count, contacts, state, scene, scratch):  # out: state, sc
     """Changes the velocities of balls in several contacts at one instant. With `scratch=None` numba drops the code."""
     if scratch is None:
         return 0
-    increase, friction = scratch.increase, scene.ball_friction
+    increase, friction = scratch.increase, scene.laws.friction
     for c in range(count):
         increase[c, HI] = increase[c, LO] = 0.0
         if contacts.closing[c] > 0.0:
@@ -127,7 +122,7 @@ def push_pair(i, j, n, p, state, scene):  # out: state
     """Changes the motion of balls i and j by the impulse p along the unit vector n from i to j, and by its friction."""
     pair = Pair(n[0], n[1], scene.radius[i], scene.radius[j], scene.inv_mass[i], scene.inv_mass[j])
     one, two, tilt = state.rows[i], state.rows[j], tilt_of(scene.spheres, i, j)
-    a, b = push_apart(scene.ball_friction, tilt, ball_of(one), ball_of(two), pair, p, scene.numbers)
+    a, b = push_apart(scene.laws, tilt, ball_of(one), ball_of(two), pair, p, scene.numbers)
     set_motion(one, a)
     set_motion(two, b)
 
@@ -142,20 +137,20 @@ def _push(flight, contacts, p, state, scene):  # out: state
     nx, ny, tilt = frame_of(contacts, 0, scene.spheres)
     pair = Pair(nx, ny, scene.radius[i], scene.radius[j], scene.inv_mass[i], scene.inv_mass[j])
     one, two = state.rows[i], state.rows[j]
-    a, b = _push_in_space(scene.ball_friction, tilt, one, two, pair, p, scene.numbers)
+    a, b = _push_in_space(scene.laws, tilt, one, two, pair, p, scene.numbers)
     set_motion(one, a)
     set_motion(two, b)
 
 
 @inlined
-def _push_in_space(ball_friction, tilt, one, two, pair, p, numbers):  # out: one, two
+def _push_in_space(laws, tilt, one, two, pair, p, numbers):  # out: one, two
     """Does what `push_apart` does, for the rows of two balls that may fly, and changes their vertical velocities.
 
     The impulse p is along the normal. No table takes up its vertical part.
     """
     cosine, sine = tilt
     mi, mj = pair.inv_mass_i, pair.inv_mass_j
-    a, b, up = _rub_in_space(ball_friction, tilt, one, two, pair, p, numbers)
+    a, b, up = _rub_in_space(laws.friction, tilt, one, two, pair, p, numbers)
     along, up = cosine * p, cosine * up - sine * p
     one[VZ] += mi * up
     two[VZ] -= mj * up
@@ -166,15 +161,15 @@ def _push_in_space(ball_friction, tilt, one, two, pair, p, numbers):  # out: one
 
 
 @inlined
-def _rub_in_space(ball_friction, tilt, one, two, pair, p, numbers):
+def _rub_in_space(friction, tilt, one, two, pair, p, numbers):
     """Returns the states of two balls after friction, as `_rub_both` does, and the impulse up on the first ball."""
     a, b = ball_of(one), ball_of(two)
-    if ball_friction is None:
+    if friction is None:
         return a, b, 0.0
     across, up = contact_slip(tilt, a, b, pair)
     up = up_slip(True, tilt, up, one, two)
     slip = norm(across, up)
-    limit = friction_of(ball_friction, numbers, slip) * p
+    limit = friction(numbers, slip) * p
     push = friction_impulse(across, up, slip, limit, 1.0 / (3.5 * (pair.inv_mass_i + pair.inv_mass_j)))
     return rub(a, 1.0, push, tilt, pair), rub(b, -1.0, push, tilt, pair), push[1]
 
@@ -202,7 +197,7 @@ def restitution_at(count, contacts, scene):
     closing = 0.0
     for c in range(count):
         closing = max(closing, contacts.closing[c])
-    return restitution_of(scene.ball_restitution, scene.numbers, closing)
+    return scene.laws.restitution(scene.numbers, closing)
 
 
 @kernel

@@ -8,22 +8,10 @@ from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import IMPULSE_ROUNDING
 from billiards_env.physics.laws.cushion import CushionMotion, cushion_restitution
-from billiards_env.physics.laws.tables import CUSHION_LAWS, by_law
 from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, WZ, BallState
 
 _TURNS = 4
 """Largest number of impacts on each of two cushions in `reflect_both`. The engine resolves an approach that remains."""
-
-_impact = by_law(*CUSHION_LAWS)
-
-
-@inlined
-def impact(laws, before, others):
-    """Returns a ball's motion after an impact on a cushion with friction, by the law of the scene.
-
-    `laws` is `SceneArrays.cushion`; `before` and the tuple `others` are the arguments of `cushion_han2005.han2005`.
-    """
-    return _impact(laws, (before,) + others)  # noqa: RUF005  (numba has no stars here)
 
 
 @inlined
@@ -48,7 +36,7 @@ def reflect(state, i, nx, ny, rebound, scene):  # out: state
         radius = scene.radius[i]
         un, ut = nx * s[UX] + ny * s[UY], nx * s[UY] - ny * s[UX]
         before = CushionMotion(speed, vt, un, ut, radius * s[WZ])
-        (vn, vt, un, ut, rwz), raised = impact(scene.cushion, before, (radius, rebound, scene.numbers, None))
+        (vn, vt, un, ut, rwz), raised = scene.laws.cushion(before, radius, rebound, scene.numbers, None)
         s[VX], s[VY] = nx * vn - ny * vt, ny * vn + nx * vt
         s[UX], s[UY] = nx * un - ny * ut, ny * un + nx * ut
         s[WZ] = rwz / radius
@@ -64,8 +52,8 @@ def reflect(state, i, nx, ny, rebound, scene):  # out: state
 
 
 @inlined
-def hit_by(motion, n, share, rebound, radius, cushion, numbers, solution):
-    """Returns the motion of a ball after an impact on a cushion with a given law; `hit` describes the result.
+def hit_by(motion, n, share, rebound, radius, laws, numbers, solution):
+    """Returns the motion of a ball after an impact on a cushion; `hit` describes the result.
 
     Args:
         motion: Velocity (vx, vy), slip (ux, uy) and spin about the vertical axis times the radius, m/s.
@@ -73,7 +61,7 @@ def hit_by(motion, n, share, rebound, radius, cushion, numbers, solution):
         share: The part of the normal speed that acts on this cushion, m/s, >= 0.
         rebound: Least speed away from the cushion after the impact, m/s, >= 0.
         radius: m.
-        cushion: `SceneArrays.cushion`.
+        laws: `SceneArrays.laws`.
         numbers: The `Numbers`.
         solution: See `cushion_han2005.han2005`.
     """
@@ -83,7 +71,7 @@ def hit_by(motion, n, share, rebound, radius, cushion, numbers, solution):
     rest = vn - share
     if numbers.cushion_rubs:
         before = CushionMotion(share, vt, un - rest, ut, rwz)
-        (after, vt, un, ut, rwz), raised = impact(cushion, before, (radius, rebound, numbers, solution))
+        (after, vt, un, ut, rwz), raised = laws.cushion(before, radius, rebound, numbers, solution)
         after, un = after + rest, un + rest
     else:
         speed = cushion_restitution(share, numbers) * share
@@ -94,11 +82,11 @@ def hit_by(motion, n, share, rebound, radius, cushion, numbers, solution):
 
 
 @inlined
-def bounce(ball, n, radius, cushion, numbers, solution):
+def bounce(ball, n, radius, laws, numbers, solution):
     """Returns a `BallState` after an impact on a cushion; the arguments are those of `hit_by`."""
     share = max(n[0] * ball.vx + n[1] * ball.vy, 0.0)
     motion = (ball.vx, ball.vy, ball.ux, ball.uy, radius * ball.wz)
-    (vx, vy, ux, uy, rwz), _ = hit_by(motion, n, share, 0.0, radius, cushion, numbers, solution)
+    (vx, vy, ux, uy, rwz), _ = hit_by(motion, n, share, 0.0, radius, laws, numbers, solution)
     if numbers.motion == SLIDING_AND_ROLLING:
         return BallState(x=ball.x, y=ball.y, vx=vx, vy=vy, ux=ux, uy=uy, wz=rwz / radius)
     return BallState(x=ball.x, y=ball.y, vx=vx, vy=vy, ux=ball.ux, uy=ball.uy, wz=ball.wz)
@@ -119,7 +107,7 @@ def hit(motion, n, share, rebound, radius, scene):
     Returns:
         The motion, and whether `rebound` has raised the speed away from the cushion.
     """
-    return hit_by(motion, n, share, rebound, radius, scene.cushion, scene.numbers, None)
+    return hit_by(motion, n, share, rebound, radius, scene.laws, scene.numbers, None)
 
 
 @kernel

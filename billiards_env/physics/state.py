@@ -144,47 +144,59 @@ LawNumbers: Any = namedtuple("LawNumbers", (*LAW_NUMBERS, "motion", "cushion_rub
 """What the laws read of `Numbers`; also a change of it."""
 
 
+class SceneKernels(NamedTuple):
+    """The kernels of a scene: the first argument of the entry points. Numba compiles only these kernels.
+
+    Attributes:
+        laws: The `laws.tables.Laws` of impacts.
+        walls: The `geometry.walls.Walls` of the table.
+    """
+
+    laws: Any
+    walls: Any
+
+
 class SceneArrays(NamedTuple):
-    """A scene of n balls.
+    """A scene of n balls: its numbers, its arrays, and its `SceneKernels`.
 
     Attributes:
         numbers: The `Numbers`.
         radius: (n,) float64, m.
         inv_mass: (n,) float64, 1/kg; 0 for a fixed ball.
         pockets: (k, 3) float64, a row of `Table.pocket_rows` for each pocket, see `geometry.pockets`.
-        outline: The `outline_walls.Outline`; None for a rectangle.
+        outline: The `geometry.walls.Outline`: the cushions.
         spheres: (n,) float64, the radii of spheres of different size or with flight, m; None if all normals are
             horizontal: for disks and for equal balls.
-        ball_restitution: The restitution of two balls: a `tables.choice` of `tables.RESTITUTIONS`.
-        ball_friction: Their friction: a choice of `tables.FRICTIONS`; None for balls without friction.
-        cushion: The law of the cushions: a choice of `tables.CUSHION_LAWS`.
         flight: The `noses.Noses` if balls leave the cloth, otherwise None.
         scatter: The fields of `scatter.Scatter` of all shots; None for cushions without scatter.
+        laws, walls: The fields of `SceneKernels`.
 
     Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
     argument begins with `if field is None`.
 
-    The argument `scene` of an entry point has the fields as a plain tuple, which numba unpacks in half the time. Its
-    first field is an array of records of `NUMBERS`, one for all shots or one for each shot; see `scene_of`.
+    The argument `scene` of an entry point has the fields without the kernels, as a plain tuple, which numba unpacks in
+    half the time. Its first field is an array of records of `NUMBERS`, one for all shots or one for each shot; see
+    `scene_of`.
     """
 
     numbers: Any
     radius: Floats
     inv_mass: Floats
     pockets: Floats
-    outline: Any = None
+    outline: Any
     spheres: Any = None
-    ball_restitution: Any = ()
-    ball_friction: Any = None
-    cushion: Any = ()
     flight: Any = None
     scatter: Any = None
+    laws: Any = None
+    walls: Any = None
 
 
 @expanded
-def scene_of(scene, k):
-    """Returns the `SceneArrays` of shot k from the argument `scene` of an entry point."""
-    return SceneArrays(scene[0][min(k, len(scene[0]) - 1)], *scene[1:])
+def scene_of(kernels, scene, k):
+    """Returns the `SceneArrays` of shot k from the arguments `kernels` and `scene` of an entry point."""
+    return SceneArrays(
+        scene[0][min(k, len(scene[0]) - 1)], *scene[1:], *kernels[:]
+    )  # numba does not append a NamedTuple
 
 
 @inlined

@@ -129,6 +129,7 @@ class Aim(NamedTuple):
         residual: Distance of the balls from the places to leave them, m; 0 without a `Leave`.
         shot: The recorded shot.
         alternatives: (k, 2) velocities of other shots that reach the goals, the best first.
+        stroke: The argument of `simulate` for the shot: its velocity, or its `Strike` with `strike=True`.
     """
 
     solved: bool
@@ -136,6 +137,7 @@ class Aim(NamedTuple):
     residual: float
     shot: ShotResult
     alternatives: Floats
+    stroke: Floats | Strike
 
 
 class _Problem(NamedTuple):
@@ -227,8 +229,8 @@ def aim(
     best, others = order[0], order[1:][tried.solved[order[1:]]]
     velocity = tried.velocities[best]
     (places,), (in_play,) = problem.table.positions, problem.table.in_play
-    shot = simulate(scene, places, _stroke(problem, velocity), in_play=in_play, record=True)
-    return Aim(bool(tried.solved[best]), velocity, float(tried.off[best]), shot, tried.velocities[others])
+    shot = simulate(scene, places, stroke := _stroke(problem, velocity), in_play=in_play, record=True)
+    return Aim(bool(tried.solved[best]), velocity, float(tried.off[best]), shot, tried.velocities[others], stroke)
 
 
 def _checked(

@@ -31,6 +31,7 @@ from billiards_env.games.placement import cue_ball_area
 from billiards_env.games.playing import STATE_FIELDS, check_stroke, opening_state
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
+from billiards_env.players.named import find_player
 from billiards_env.players.situation import Noise, Player, Situation, game_situation, rating, stroke_of
 from billiards_env.shots.tables import Tables
 from billiards_env.support.checks import finite, numbers, one_of
@@ -135,6 +136,18 @@ def acting_in(player: Player, envs: BilliardsVectorEnv, seed: int | None = None)
         return np.array(actions)
 
     return policy
+
+
+def acting_by_name(name: str, envs: BilliardsVectorEnv, seed: int | None = 0) -> Callable[[Any, Any], Floats]:
+    """Returns `acting_in` for the name of a player of games, see `players.named`.
+
+    Raises:
+        OSError, TypeError, ValueError: As in `find_player`, or the environment is no game of several players.
+    """
+    setup = envs.single_env.model.setup
+    if setup is None:
+        raise ValueError("envs with n_players = 1: expected a game of several players")
+    return acting_in(find_player(name, setup), envs, seed)
 
 
 def _game_ratings(

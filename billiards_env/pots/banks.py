@@ -9,7 +9,7 @@ from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm, sine_cosine
 from billiards_env.physics.geometry.contact import cross
 from billiards_env.physics.geometry.pockets import centre_of, distance_along
-from billiards_env.physics.geometry.walls import is_side
+from billiards_env.physics.geometry.walls import NX, NY
 from billiards_env.physics.motion import motion_after
 from billiards_env.physics.state import REST, T0, X, Y
 from billiards_env.pots.direct import NO_POT, THINNEST, PotGeometry, open_mouth
@@ -134,7 +134,9 @@ def _follow_bank(scene, state, i, p, wall):
                 if pocket_gap(scene.pockets, p if bounce.second > 0.0 else -1, x, y, to_x, to_y) < 0.0:
                     return NO_BANK
             x, y = to_x, to_y
-        if leg.chords == 0 or (leg.wall >= 0 and (bounce.second > 0.0 or not is_side(leg.wall, wall, scene.outline))):
+        if leg.chords == 0 or (
+            leg.wall >= 0 and (bounce.second > 0.0 or not _is_side(leg.wall, wall, scene.outline.lines))
+        ):
             return NO_BANK
         end_leg(scene, state, i, leg)
         if leg.wall >= 0:
@@ -142,6 +144,13 @@ def _follow_bank(scene, state, i, p, wall):
             if bounce.second <= 0.0:
                 return NO_BANK
     return NO_BANK
+
+
+@inlined
+def _is_side(cushion, side, lines):
+    """Returns whether a cushion is straight and has the normal of cushion `side` of a rectangle."""
+    across, along = (NX, NY) if side < 2 else (NY, NX)
+    return cushion < len(lines) and lines[cushion, across] == 2.0 * (side & 1) - 1.0 and lines[cushion, along] == 0.0
 
 
 @inlined

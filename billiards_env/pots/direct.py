@@ -8,8 +8,8 @@ from typing import NamedTuple
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance, cross, half_chord
-from billiards_env.physics.geometry.outline_walls import TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.physics.geometry.pockets import centre_of, circle_tangent, distance_along, half_width_of, rim_ends
+from billiards_env.physics.geometry.walls import TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.physics.state import X, Y
 from billiards_env.pots.hits import Hit, approach_gap, ball_gap, can_hit, enters_pocket, hit_along, hit_at, room_of
 from billiards_env.pots.paths import pocket_gap
@@ -106,22 +106,13 @@ class Mouth(NamedTuple):
 def open_mouth(scene, i, p, x, y):
     """Returns the open mouth of pocket p as seen from the point (x, y), which is outside of the pocket.
 
-    On a rectangle the open mouth is the part of the rim that the centre of ball i can reach. Its ends are tangents of
-    the rim, or the points where the rim meets the limits of the ball's centre. On a table with an outline it lies
-    between the tips of the jaws.
+    It lies between the tips of the jaws. Without jaws it is the part of the rim that the centre of ball i can reach;
+    its ends are tangents of the rim, or the points where the rim meets the limits of the ball's centre.
     """
-    return _between_tips(scene, scene.outline, i, p, x, y)
-
-
-@inlined
-def _between_tips(scene, outline, i, p, x, y):
-    """Returns the open mouth of pocket p: the part of a rim, or the gap between the tips of the jaws of an outline."""
-    if outline is None:
-        return _middle(*rim_ends(scene.pockets[p], x, y, *room_of(scene, i), _CLEAR))
-    right, left = outline.mouths[p]
+    right, left = scene.outline.mouths[p]
     if min(right, left) < 0:
         return _middle(*rim_ends(scene.pockets[p], x, y, *room_of(scene, i), _CLEAR))
-    right_tip, left_tip, radius = outline.tips[right], outline.tips[left], scene.radius[i]
+    right_tip, left_tip, radius = scene.outline.tips[right], scene.outline.tips[left], scene.radius[i]
     right_x, right_y = circle_tangent(right_tip[TIP_X] - x, right_tip[TIP_Y] - y, right_tip[TIP_RADIUS] + radius, 1.0)
     left_x, left_y = circle_tangent(left_tip[TIP_X] - x, left_tip[TIP_Y] - y, left_tip[TIP_RADIUS] + radius, -1.0)
     return _middle(right_x, right_y, left_x, left_y)

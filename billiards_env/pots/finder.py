@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine import scene_fields
+from billiards_env.engine import scene_fields, scene_kernels
 from billiards_env.jit import allocating_entry_point, inlined, kernel
 from billiards_env.physics.geometry.contact import contact_distance, cross
 from billiards_env.physics.laws.cloth import launch
@@ -139,7 +139,8 @@ def find_pots(
     slip_ratio, spin_ratio = 1.0 - 2.5 * offset[1], -2.5 * offset[0]  # see `physics.strike.struck`
     in_play = tables.in_play.copy()  # numba compiles a second time for a read-only array
     fields = tables.cue, tables.positions, in_play, tables.targets, float(tables.max_speed), slip_ratio, spin_ratio
-    write_pots(scene_fields(scene), fields, (banks is not None, banks is True, speeds, direct), tuple(pots))
+    flags = banks is not None, banks is True, speeds, direct
+    write_pots(scene_kernels(scene), scene_fields(scene), fields, flags, tuple(pots))
     return pots
 
 
@@ -162,13 +163,13 @@ def pot_shots(table: Tables, direct: bool = True) -> PotShots:
 
 
 @allocating_entry_point
-def write_pots(scene, tables, flags, pots):
+def write_pots(kernels, scene, tables, flags, pots):
     """Writes the pots of all tables to `pots`; see `find_pots`.
 
     `tables` holds the other fields of `TableArrays`. `flags`: find banks on tables without a direct pot, find all
     banks, write the shots, find direct pots.
     """
-    scene, pots = scene_of(scene, 0), Pots(*pots)
+    scene, pots = scene_of(kernels, scene, 0), Pots(*pots)
     cue, positions, in_play, targets, max_speed, slip_ratio, spin_ratio = tables
     state = empty_state(positions.shape[1], None)
     for t in range(len(positions)):

@@ -8,7 +8,6 @@ from typing import NamedTuple
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.ball_cushion import reflect, reflect_both
 from billiards_env.physics.geometry.pockets import bounding_circle, segment_gap
-from billiards_env.physics.geometry.walls import wall_normal, wall_time, walls_met
 from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, path_of
 from billiards_env.physics.state import AX, AY, LASTS, REST, SLIDING, VX, VY, X, Y, later, moves, own_time
 
@@ -43,7 +42,7 @@ def begin_leg(scene, state, i):
     if not moves(state, i):
         return Leg(math.inf, -1, 0)
     lasts, wall = row[LASTS], -1
-    t, number = wall_time(path_of(state, i), scene.radius[i], lasts, numbers, scene.outline)
+    t, number = scene.walls.time(path_of(state, i), scene.radius[i], lasts, scene)
     if t < lasts:
         lasts, wall = t, number
     return Leg(lasts, wall, _CHORDS if state.phase[i] == SLIDING else 1)
@@ -64,12 +63,13 @@ def end_leg(scene, state, i, leg):
         end_phase(state, i, now, scene.numbers)
     else:
         advance(state, i, now, scene.numbers)
-        one, two = walls_met(state, i, leg.wall, scene.radius[i], scene.numbers, scene.outline)
-        normal = wall_normal(state, i, one, scene.outline)
+        one, two = scene.walls.met(state, i, leg.wall, scene)
+        x, y = state.rows[i, X], state.rows[i, Y]
+        normal = scene.walls.normal(x, y, one, scene)
         if two < 0:
             reflect(state, i, *normal, 0.0, scene)
         else:
-            reflect_both(state, i, normal, wall_normal(state, i, two, scene.outline), (0.0, 0.0), scene)
+            reflect_both(state, i, normal, scene.walls.normal(x, y, two, scene), (0.0, 0.0), scene)
 
 
 @kernel

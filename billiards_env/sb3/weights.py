@@ -1,4 +1,4 @@
-"""Policies in files: building a policy from its description, and writing and reading its weights."""
+"""Policies in files: building a policy from its description, and its weights, also in slim files."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import contextlib
 import inspect
 import io
 import os
+import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -129,12 +130,13 @@ def load_policy(
         raise ValueError(
             f"{folder} holds a policy that observes {trained.observe}: expected this, not {played.observe}"
         )
-    size = weights.stat().st_size
-    if size and 4 * sum(a * b for a, b in zip((1, *hidden), hidden, strict=False)) > size:
+    content = read_weights(weights)
+    numbers = sum(tensor.numel() for tensor in content.values())
+    if sum(a * b for a, b in zip((1, *hidden), hidden, strict=False)) > numbers:
         raise ValueError(f"{weights} does not hold the policy of its configuration: expected more weights for {hidden}")
     with torch.random.fork_rng(devices=[]):  # the random weights are replaced
         policy = build_policy(arguments, description)
-    load_weights(policy, weights)
+    set_weights(policy, content, weights)
     policy.set_training_mode(False)
     return arguments, policy
 
@@ -161,23 +163,67 @@ def _check_world(folder: Path, trained: BilliardsEnv, played: BilliardsEnv, froz
 
 def save_policy(policy: BasePolicy, path: Path) -> None:
     """Writes the weights of a policy; with the head "gaussian" without the value function."""
-    weights = {name: tensor for name, tensor in policy.state_dict().items() if not _is_value(name)}
+    write_atomically(path, _packed({name: one for name, one in policy.state_dict().items() if not _is_value(name)}))
+
+
+def slim(run_dir: Path) -> dict[str, bytes]:
+    """Returns the files of a smaller copy of a finished run, by name. Its weights are for playing only.
+
+    Numbers have 10 significant bits in place of 24, as float16 without its last bit. After a training with one object
+    ball the networks `other_ball` have no effect, and their weights are 0. The file is deflated.
+
+    Raises:
+        FileNotFoundError: If the folder holds no finished run.
+        OSError: If a file cannot be read.
+        ValueError: If `policy.pt` holds no weights, or a weight that is too large for float16.
+    """
+    check_finished(run_dir)
+    weights = read_weights(run_dir / "policy.pt")
+    unused = () if weights.get("net.other_balls.weight", torch.ones(1)).any() else "net.other_ball."
+    small = {name: _rounded(0 * one if name.startswith(unused) else one) for name, one in weights.items()}
+    if not all(one.isfinite().all() for one in small.values()):
+        raise ValueError(f"run_dir = {str(run_dir)!r}: expected weights up to 65,000")
     buffer = io.BytesIO()
-    torch.save(weights, buffer)
-    write_atomically(path, buffer.getvalue())
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, content in unzipped(_packed(small)).items():
+            archive.writestr(zipfile.ZipInfo(name), content, zipfile.ZIP_DEFLATED, 9)
+    return {"config.yaml": (run_dir / "config.yaml").read_bytes(), "policy.pt": buffer.getvalue()}
 
 
-def load_weights(policy: BasePolicy, path: Path) -> None:
-    """Sets the weights of a policy from a file of `save_policy`.
+def is_slim(weights: Mapping[str, Tensor]) -> bool:
+    """Returns whether weights are from a file of `slim`."""
+    return any(tensor.dtype == torch.float16 for tensor in weights.values())
+
+
+def _rounded(tensor: Tensor) -> Tensor:
+    if not tensor.is_floating_point():
+        return tensor
+    bits = tensor.float().flatten().view(torch.int32)
+    return (bits + 2**13 & -(2**14)).view(torch.float32).half().reshape(tensor.shape)
+
+
+def _packed(weights: Mapping[str, Tensor]) -> bytes:
+    buffer = io.BytesIO()
+    torch.save(dict(weights), buffer)
+    return buffer.getvalue()
+
+
+def read_weights(path: Path) -> dict[str, Tensor]:
+    """Returns the weights in a file of `save_policy` or `slim`, by name.
 
     Raises:
         OSError: If the file cannot be read.
-        ValueError: If the weights in the file do not fit this policy.
+        ValueError: If it holds no weights.
     """
     with whole_archive(path, "a policy's weights") as file:
         weights = torch.load(file, map_location="cpu", weights_only=True)
         if not isinstance(weights, dict) or not all(isinstance(tensor, Tensor) for tensor in weights.values()):
             raise ValueError
+    return weights
+
+
+def set_weights(policy: BasePolicy, weights: Mapping[str, Tensor], path: Path) -> None:
+    """Sets the weights of a policy. Raises a ValueError that names the file if they do not fit."""
     try:
         missing, unknown = policy.load_state_dict(weights, strict=False)
         missing = [name for name in missing if not _is_value(name)]

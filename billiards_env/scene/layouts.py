@@ -167,7 +167,8 @@ class LayoutPlan(NamedTuple):
         radius: (n,) float64, m.
         pockets: (k, 3) float64: x, y, radius, m.
         outline: The cushions that reach into the rectangle of the table: (e, 4) float64, the ends of the straight
-            cushions and of the chords of the tips, and (t, 3) float64, the tips' circles, m; None for a rectangle.
+            cushions and of the chords of the tips, and (t, 3) float64, the tips' circles, m; both are
+            empty if there are none.
         d: x of the centre and radius of the D in which balls are drawn, m; infinite without a D.
         midway: Whether the last ball of the order lies midway between the other two, which have no spots.
         shuffled: The balls of a rack that change places at random, as a bit mask: bit i is ball i.
@@ -183,7 +184,7 @@ class LayoutPlan(NamedTuple):
     limits: Floats
     radius: Floats
     pockets: Floats
-    outline: tuple[Floats, Floats] | None
+    outline: tuple[Floats, Floats]
     d: tuple[float, float]
     midway: bool = False
     shuffled: int = 0
@@ -328,16 +329,13 @@ _ONE = np.ones(1, np.bool_)
 
 
 @kernel
-def is_inside(outline, x, y, reach):
-    """Returns whether a point is inside an outline and at least `reach` from it."""
-    if outline is None:
-        return True
-    edges, tips = outline
+def is_inside(edges, tips, x, y, reach):
+    """Returns whether a point is inside an outline and at least `reach` from it; True without edges."""
     for k in range(len(tips)):
         dx, dy, least = x - tips[k, 0], y - tips[k, 1], tips[k, 2] + reach
         if dx * dx + dy * dy < least * least:
             return False
-    inside = False
+    inside = len(edges) == 0
     for k in range(len(edges)):
         x0, y0 = edges[k, 0], edges[k, 1]
         dx, dy = edges[k, 2] - x0, edges[k, 3] - y0
@@ -357,7 +355,7 @@ def is_clear(plan, i, x, y, placed, positions):
 
     The limits of the plan keep it clear of the cushions of a rectangle.
     """
-    if not is_inside(plan.outline, x, y, plan.radius[i] + PLACING_GAP):
+    if not is_inside(*plan.outline, x, y, plan.radius[i] + PLACING_GAP):
         return False
     for k in range(placed):
         j = plan.order[k]
@@ -512,10 +510,10 @@ def make_plan(
             raise _no_room(name, i, float(radius[i]))
     pockets = np.array([pocket.circle for pocket in scene.table.pockets]).reshape(-1, 3)
     _check_spots(name, scene, spots, displacement, order[:n_spots])
-    outline, d = None, (x_most if d_radius < math.inf else 0.0, d_radius)
-    if not scene.table.is_rectangular:
-        lines, tips = pieces(scene.table.outline)
-        outline = np.array([*lines, *(tip[3:] for tip in tips)]), np.array([tip[:3] for tip in tips]).reshape(-1, 3)
+    lines, tips = ([], []) if scene.table.is_rectangular else pieces(scene.table.outline)
+    edges = np.array([*lines, *(tip[3:] for tip in tips)]).reshape(-1, 4)
+    outline = edges, np.array([tip[:3] for tip in tips]).reshape(-1, 3)
+    d = x_most if d_radius < math.inf else 0.0, d_radius
     layout = list(LAYOUTS).index(name)
     return LayoutPlan(layout, spots, displacement, order, n_spots, limits, radius, pockets, outline, d)
 

@@ -171,7 +171,7 @@ class Table:
             if not reaches:
                 raise ValueError(
                     f"table.pockets[{k}] = {p}: expected a circle that reaches the table "
-                    f"({self.length} x {self.width} m, centred on the origin)"
+                    f"({self.length:g} x {self.width:g} m, centred on the origin); pool_table makes pockets for a size"
                 )
         self._check_markings()
 

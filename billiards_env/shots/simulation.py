@@ -17,6 +17,7 @@ from billiards_env.engine.compile import (
     check_engine,
     run_shots_of,
     scene_fields,
+    scene_kernels,
     varied_fields,
     varied_shot,
     with_scatter,
@@ -158,7 +159,8 @@ def run_shot(
         The balls at the end of the shot, and what happened.
     """
     n = scene.n_balls
-    arrays, run_shots = with_scatter(scene_fields(scene, engine), shot.scatter), run_shots_of(engine, n)
+    kernels, run_shots = scene_kernels(scene, engine), run_shots_of(engine, n)
+    arrays = with_scatter(scene_fields(scene, engine), shot.scatter)
     room = 256 if record else 0
     while True:
         flight = scene.physics.flight
@@ -166,7 +168,7 @@ def run_shot(
         for out, start in zip(start_fields(shots), start_fields(shot), strict=True):
             if out is not None:
                 out[0] = start
-        run_shots(0, 1, arrays, shot.limit, max_events, tuple(shots), tuple(log))
+        run_shots(kernels, 0, 1, arrays, shot.limit, max_events, tuple(shots), tuple(log))
         if not record or (log.used[:2] <= (len(log.events), len(log.segments))).all():
             break
         room = max(4 * room, int(max(log.used[:2])))  # the log was too small: the shot runs again
@@ -369,18 +371,20 @@ def simulate_batch(
     moving, turning = numbers("velocities", moving), None if turning is None else numbers("spins", turning)
     limit = check_shot(scene, positions, moving, turning, in_play, max_time, shots, threads).limit
     in_play = None if in_play is None else np.broadcast_to(np.array(in_play), shots.in_play.shape)
-    run_shots, plain = run_shots_of(engine, scene.n_balls), tuple(shots)
+    kernels, run_shots, plain = scene_kernels(scene, engine), run_shots_of(engine, scene.n_balls), tuple(shots)
     arrays = with_scatter(varied_fields(scene, engine, varied, m), scattered)
     if isinstance(velocities, Strike) and strike_frozen(scene, arrays, start_fields(plain), end=m):
         start = ShotInput(*start_fields(shots))
         moving, turning = start.in_space()[1].copy(), shots.spins.copy()
+
+    def run(begin: int, end: int, log: tuple[Any, ...] = NO_LOG) -> None:
+        run_shots(kernels, begin, end, arrays, limit, max_events, plain, log)
+
     log = None
     if record:
-        log = _run_recorded(
-            lambda begin, end, log: run_shots(begin, end, arrays, limit, max_events, plain, log), shots, threads
-        )
+        log = _run_recorded(run, shots, threads)
     else:
-        parallel_for(lambda begin, end: run_shots(begin, end, arrays, limit, max_events, plain, NO_LOG), m, threads)
+        parallel_for(run, m, threads)
     start, limits = (positions, moving, turning, in_play), (max_time, max_events)
     return BatchResult(
         **outcome_of(shots._asdict()),

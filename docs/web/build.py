@@ -45,7 +45,7 @@ from billiards_env.commands import ending
 from billiards_env.drawing import page
 from billiards_env.engine import compile as compiling
 from billiards_env.engine import frozen_strike, pic, pit, strikes
-from billiards_env.engine.compile import PIC, scene_fields
+from billiards_env.engine.compile import PIC, scene_fields, scene_kernels
 from billiards_env.engine.log import KINDS, empty_log
 from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.shot_input import is_valid_fast
@@ -92,10 +92,11 @@ def entry_points() -> list[tuple[str, Any, tuple[Any, ...]]]:
     for kind in dict.fromkeys(map(kind_of, scenes().values())):
         scene = Scene.named(kind, 1)
         shots, log = tuple(empty_shots(1, scene.n_balls)), tuple(empty_log(1, 1))
-        run = 0, 1, scene_fields(scene), math.inf, 1, shots, log
+        kernels, fields, starts = scene_kernels(scene), scene_fields(scene), start_fields(shots)
+        run = kernels, 0, 1, fields, math.inf, 1, shots, log
         calls += [(f"pic_{kind}", pic.run_shots, run), (f"pit_{kind}", pit.run_shots, run)]
-        calls.append((f"valid_{kind}", is_valid_fast, (*run[:3], start_fields(shots))))
-        calls.append((f"drive_{kind}", frozen_strike._drive, (0, 1, 0, cue, run[2], start_fields(shots))))
+        calls.append((f"valid_{kind}", is_valid_fast, (kernels, 0, 1, fields, starts)))
+        calls.append((f"drive_{kind}", frozen_strike._drive, (kernels, 0, 1, 0, cue, fields, starts)))
     strike = np.empty((1, 5)), np.empty((1, 2)), np.empty((1, 3)), np.empty(1, np.bool_)
     calls.append(("strike", many_strikes, (cue, *strike)))
     return calls
@@ -104,17 +105,22 @@ def entry_points() -> list[tuple[str, Any, tuple[Any, ...]]]:
 @functools.cache
 def kind_of(scene: Scene) -> str:
     """Returns the first of `SCENES` that has the types of a scene, and so the same compiled code."""
-    types = numba.typeof(scene_fields(scene))
-    return next(name for name in SCENES if numba.typeof(scene_fields(Scene.named(name))) == types)
+
+    def types(scene: Scene) -> Any:
+        return numba.typeof((scene_kernels(scene), scene_fields(scene)))
+
+    return next(name for name in SCENES if types(Scene.named(name)) == types(scene))
 
 
 def as_json(value: Any) -> Any:
-    """Returns an argument of an entry point as JSON: arrays as their type, shape and content."""
+    """Returns an argument of an entry point as JSON: arrays as their type, shape and content, kernels as null."""
     if isinstance(value, tuple):
         return [as_json(item) for item in value]
     if isinstance(value, np.ndarray):
         content = [plain_number(number) for number in value.ravel().tolist()]
         return {"type": value.dtype.str[1:], "shape": list(value.shape), "content": content}
+    if isinstance(value, Kernel):
+        return None
     return plain_number(value) if isinstance(value, float) else value
 
 
@@ -175,6 +181,7 @@ def data() -> dict[str, Any]:
         "scenes": {
             name: {
                 "kind": kind_of(scene),
+                "kernels": as_json(scene_kernels(scene)),
                 "fields": [plain_numbers(scene_fields(scene)[0]), *as_json(scene_fields(scene)[1:])],
                 "cue": list(cue_numbers(scene)) if scene.physics.motion == "sliding" else None,
                 "max_time": scene.physics.max_time,

@@ -174,9 +174,9 @@ class Engine {
 
   /** The arguments of a scene with a number of balls. `changes` replace its numbers. */
   fields(scene, count, changes = {}) {
-    const [{ content, integers }, radius, inverse, pockets, outline, spheres, ...laws] = this.scene(scene).fields;
+    const [{ content, integers }, radius, inverse, pockets, outline, spheres, ...others] = this.scene(scene).fields;
     const key = `${scene} ${count}`, numbers = record({ ...content, ...changes }, integers);
-    const kept = this.kept[key] ??= asArguments([cut(radius, count), cut(inverse, count), pockets, outline, cut(spheres, count), ...laws]);
+    const kept = this.kept[key] ??= asArguments([cut(radius, count), cut(inverse, count), pockets, outline, cut(spheres, count), ...others]);
     return [numbers, ...kept];
   }
 
@@ -189,10 +189,10 @@ class Engine {
   /** Whether balls lie on the table, outside the pockets and apart, and their velocities and spins are in range. */
   isValid(scene, positions, velocities = [0, 0], options = {}) {
     checkedKeys("options", options, { spins: null, inPlay: null });
-    const starts = this.starts(scene, positions, velocities, options), { kind } = this.scene(scene);
+    const starts = this.starts(scene, positions, velocities, options), { kind, kernels } = this.scene(scene);
     const fields = this.fields(scene, positions.length);
     reset(this.exports);
-    return (call(this.exports, `valid_${kind}`, [0n, 1n, fields, starts]).read()[0] & 255) === 1;
+    return (call(this.exports, `valid_${kind}`, [kernels, 0n, 1n, fields, starts]).read()[0] & 255) === 1;
   }
 
   /** The velocity and the spin that a cue (m/s, rad, ball radii) gives a free ball, and whether the tip slips. */
@@ -216,7 +216,7 @@ class Engine {
    * an object that replaces numbers of the scene, such as {e_ball: 1}. The names and ranges of the numbers are those of Python.
    */
   simulate(scene, positions, velocities, options = {}) {
-    const { fixes, kinds, status, ranges } = this.data, { kind, max_time, cue } = this.scene(scene), n = positions?.length;
+    const { fixes, kinds, status, ranges } = this.data, { kind, kernels, max_time, cue } = this.scene(scene), n = positions?.length;
     const { mode, dt, fix, maxTime, maxEvents, physics, spins, inPlay } = checkedOptions(options, ranges, fixes), struck = velocities?.velocity;
     if (struck && spins) refuse("spins", spins, "null, the strike has a spin", " with a strike");
     const moving = struck ?? velocities, start = { spins: struck ? [velocities.spin] : spins, inPlay }, numbers = checkedNumbers(this.scene(scene), physics, ranges);
@@ -233,8 +233,8 @@ class Engine {
       const log = [out("f8", room, EVENT_WIDTH), out("f8", 4 * room, PIECE_WIDTH), used, out("i8", 0, 2)];
       const limit = maxTime ?? max_time ?? Infinity;
       reset(this.exports);
-      if (struck) call(this.exports, `drive_${kind}`, [0n, 1n, 0n, cue, this.fields(scene, n, numbers), starts]);
-      call(this.exports, `${mode}_${kind}`, [0n, 1n, this.fields(scene, n, changes), limit, BigInt(maxEvents), starts, results, log]);
+      if (struck) call(this.exports, `drive_${kind}`, [kernels, 0n, 1n, 0n, cue, this.fields(scene, n, numbers), starts]);
+      call(this.exports, `${mode}_${kind}`, [kernels, 0n, 1n, this.fields(scene, n, changes), limit, BigInt(maxEvents), starts, results, log]);
       const [nEvents, nSegments] = [...used.read()].map(Number);
       if (nEvents > room || nSegments > 4 * room) continue;  // the log was too small: the shot runs again
       const [balls, speeds, turns, playing] = starts.slice(0, 4).map(array => array.read());

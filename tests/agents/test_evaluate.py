@@ -180,6 +180,7 @@ WRONG = [
     ("seed", "-1", "seed = -1: expected a whole number"),
     ("film", "film.avi", "path = 'film.avi': expected a name that ends in '.mp4'"),
     ("curve", "curve.pdf", "path = 'curve.pdf': expected a name that ends in '.png'"),
+    ("slim", ".", "--slim = '.': expected a new folder"),
     ("players", "nobody", "player = 'nobody': expected one of"),
 ]
 
@@ -188,6 +189,15 @@ WRONG = [
 def test_bad_arguments_are_refused_with_a_message(trained, option, value, message):
     with pytest.raises(SystemExit, match=f"error: {message}"):
         main([str(trained), f"--{option}", value])
+
+
+def test_a_slim_copy_plays(trained, tmp_path, capsys):
+    main([str(trained), "--slim", str(tmp_path / "copy")])
+    assert capsys.readouterr().out == f"wrote {tmp_path / 'copy'}\n"
+    assert load_run(tmp_path / "copy")[0] == load_run(trained)[0]
+    main([str(tmp_path / "copy"), "--episodes", "5"])
+    with pytest.raises(SystemExit, match=r"error: --slim = .*copy': expected a new folder"):
+        main([str(trained), "--slim", str(tmp_path / "copy")])
 
 
 def test_a_film_holds_the_first_episodes_of_the_evaluation(trained, tmp_path, monkeypatch, capsys):

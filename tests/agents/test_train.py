@@ -19,6 +19,7 @@ from agents.config import Config, load
 from agents.evaluate import evaluate
 from agents.ppo import training_seed
 from billiards_env.bench.evaluation import evaluation_seeds
+from billiards_env.sb3.weights import slim
 from tests.helpers.training import Pickled
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -122,8 +123,11 @@ def test_a_run_starts_from_the_weights_of_another_with_fewer_balls(command, tmp_
     assert equal(*(torch.load(folder / "policy.pt", weights_only=True) for folder in (run, other)))
     assert module.learning_curve(run)[-1].success == evaluate(run)["policy"]["success_rate"]
     shutil.rmtree(run)
-    with pytest.raises(SystemExit, match=r"error: start_from = .*: expected a run with the same networks "):
+    with pytest.raises(SystemExit, match=r"error: start_from = .*: expected a training of the same networks "):
         command("--start-from", str(other))
+    (other / "policy.pt").write_bytes(slim(other)["policy.pt"])
+    with pytest.raises(SystemExit, match=r"error: start_from = .*\(.*policy.pt is slim, for playing only\)"):
+        command("--start-from", str(other), policy=AIM)
     with pytest.raises(SystemExit, match="error: start_from = 'nowhere': expected the folder of a finished run"):
         command("--start-from", "nowhere")
     assert not run.exists()

@@ -2,16 +2,18 @@
 
 import dataclasses
 
+import mpmath
 import numpy as np
 import pytest
 
-from billiards_env.derivatives.lanes import Wall, cushion_is_smooth, cushion_solution, d_impact
-from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics.ball_cushion import impact
+from benchmarks.reference.oracle import mathavan as reference
+from billiards_env.derivatives.lanes import Wall, cushion_is_smooth, cushion_solution, lane_kernels
+from billiards_env.derivatives.tangent import tangent_of
+from billiards_env.engine.compile import scene_arrays, scene_kernels
 from billiards_env.physics.laws.cushion import CushionMotion, cushion_restitution
+from billiards_env.physics.laws.mathavan import CushionNose, follow_impact
 from billiards_env.physics.state import BallState, LawNumbers, law_numbers_of
 from billiards_env.scene import Scene
-from tests.helpers.cushion_impacts import law_jacobians
 
 RADIUS = 0.0286
 CONSTANTS = (
@@ -32,10 +34,15 @@ def scene_with(cushion, **physics):
     return dataclasses.replace(scene, physics=dataclasses.replace(scene.physics, cushion=cushion, **physics))
 
 
+def with_tangents(scene):
+    """Returns the arrays of a scene with the tangents of its laws."""
+    return scene_arrays(scene)._replace(laws=lane_kernels(scene_kernels(scene), constants=True).scene.laws)
+
+
 def rebound(motion, radius, scene):
     """Returns the motion (5,) after an impact."""
     arrays = scene_arrays(scene)
-    return np.array(impact(arrays.cushion, CushionMotion(*motion), (radius, 0.0, arrays.numbers, None))[0])
+    return np.array(arrays.laws.cushion(CushionMotion(*motion), radius, 0.0, arrays.numbers, None)[0])
 
 
 def differences(motion, scene, step):
@@ -60,14 +67,14 @@ def differences(motion, scene, step):
 
 def derivative(motion, scene):
     """Returns the same by the tangent of the law, and the derivative by the last constant."""
-    arrays, columns, (vn, vt, un, ut, rwz) = scene_arrays(scene), [], motion
+    arrays, columns, (vn, vt, un, ut, rwz) = with_tangents(scene), [], motion
     before, ball = CushionMotion(*motion), BallState(0.0, 0.0, vn, vt, un, ut, rwz / RADIUS)
     solution = cushion_solution(ball, Wall(1.0, 0.0, 0.0), RADIUS, arrays)
     numbers, zeros = law_numbers_of(arrays.numbers), LawNumbers(*np.zeros(len(LawNumbers._fields)))
     for unit in np.eye(6 + len(CONSTANTS)):
         change = zeros._replace(**dict(zip(CONSTANTS, unit[6:], strict=True)))
-        at, d_at = (before, (RADIUS, 0.0, numbers, solution)), (CushionMotion(*unit[:5]), (unit[5], 0.0, change, 0.0))
-        columns.append(d_impact(arrays.cushion, *at, *d_at)[1][0])
+        at = before, RADIUS, 0.0, numbers, solution
+        columns.append(arrays.laws.d_cushion(*at, CushionMotion(*unit[:5]), unit[5], change)[1][0])
     return np.array(columns).T
 
 
@@ -95,21 +102,41 @@ def test_the_derivative_of_an_impact_is_that_of_small_changes(cushion, weakest):
     assert len(cases) == 8
 
 
-def test_the_derivative_of_a_mathavan_cushion_is_that_of_its_equation():
-    rng, m = np.random.default_rng(1), 6
-    values = rng.normal(size=(9, m)) * np.array([0.0, 1.0, 1.0, 1.0, 2.0, 0.0, 0.0, 0.0, 0.0])[:, None]
-    values[0] = rng.uniform(0.2, 4.0, m)
-    values[2:4, ::2] = 0.0  # half of the balls roll
-    values[5], values[6] = RADIUS, rng.uniform(0.3, 0.98, m)
-    values[7], values[8] = rng.permutation(np.repeat((0.05, 0.14, 0.5), m // 3)), rng.uniform(0.1, 0.3, m)
-    expected = law_jacobians(values, Scene.named("carom").table.cushion_height)
-    columns = [*range(7), 6 + CONSTANTS.index("mu_cushion"), 6 + CONSTANTS.index("mu_cloth")]
-    for k, column in enumerate(values.T):
-        scene = scene_with("mathavan2010", e_cushion=column[6], mu_cushion=column[7], mu_slide=column[8])
-        changed = slice(None) if column[2] else [0, 1, 4, 5, 6, 7, 8]  # a rolling ball has no change of slip
-        jacobian = derivative(column[:5], scene)[:, columns][:, changed]
-        off = np.abs(jacobian - expected[:, changed, k]).max()
-        assert off < 1e-9 * np.abs(jacobian).max(), f"impact {k}"
+MATHAVAN = [  # velocities and spins before; sine, friction at the cushion and at the cloth, restitution; what happens
+    ((0.5, 1.0, -1.0, 0.5, 0.3), (0.4, 0.14, 0.212, 0.98)),  # it rolls, and the slip on the cloth begins
+    ((0.071, 2.003, -0.423, 0.458, 0.287), (0.4, 0.14, 0.212, 0.98)),  # the nose sticks, and slips again
+    ((-0.561, 2.247, 0.376, 0.337, -0.561), (0.562, 0.457, 0.489, 0.854)),  # the same, with more friction
+    ((0.2, 1.0, 0.3, 0.1, 0.4), (-0.3, 0.8, 0.2, 0.9)),  # the ball leaves the cloth
+]
+
+
+@pytest.mark.parametrize(("before", "numbers"), MATHAVAN)
+def test_a_mathavan_cushion_and_its_derivative_are_those_of_the_50_digit_reference(before, numbers):
+    """The law once had an error of up to 1e-7, and jumped by it if the motion before changed by 1e-9."""
+    rng, (sin, *others), step = np.random.default_rng(0), numbers, 1e-12
+    change, d_sin, d_others = rng.normal(size=5), 0.1 * rng.normal(), 0.1 * rng.normal(size=3)
+    change[2:4] = (-change[1], change[0]) if before[1] == -before[2] else change[2:4]  # a rolling ball keeps rolling
+    cos = float(np.sqrt(1.0 - sin * sin))
+    d_nose = CushionNose(d_sin, -sin / cos * d_sin, *d_others[:2].tolist())
+    nose, d_before = CushionNose(sin, cos, *others[:2]), tuple(change.tolist())
+    result, change = tangent_of(follow_impact)(before, nose, others[2], d_before, d_nose, float(d_others[2]))
+    assert result == follow_impact(before, nose, others[2])
+    (after, smooth, _), (d_after, _, _) = result, change
+    assert smooth
+    with mpmath.workdps(50):
+
+        def exact(by):
+            moved = [mpmath.mpf(x) + by * mpmath.mpf(dx) for x, dx in zip(before, d_before, strict=True)]
+            if before[1] == -before[2]:
+                moved[2:4] = -moved[1], moved[0]
+            values = [mpmath.mpf(x) + by * mpmath.mpf(dx) for x, dx in zip(nose, d_nose, strict=True)]
+            return reference.impact(moved, reference.Nose(*values), others[2] + by * mpmath.mpf(float(d_others[2])))
+
+        ends = [exact(sign * mpmath.mpf(step)) for sign in (-1, 1)]
+        error = [float(a - (x + y) / 2) for a, x, y in zip(after, *ends, strict=True)]
+        slope = [float((y - x) / (2 * mpmath.mpf(step))) for x, y in zip(*ends, strict=True)]
+    np.testing.assert_allclose(error, 0.0, atol=2e-14 * before[1])
+    np.testing.assert_allclose(d_after, slope, rtol=0, atol=1e-10 * np.abs(slope).max())
 
 
 def test_numbers_at_the_end_of_their_range_have_the_derivative_of_one_side():
@@ -143,7 +170,7 @@ def test_a_kink_of_the_restitution_has_no_derivative(kink):
     for cushion in ("restitution", "han2005", "stronge", "mathavan2010") if numbers is FALLS else ("han2005_variable",):
 
         def smooth(vn, un, ut, cushion=cushion, **changes):
-            arrays = scene_arrays(scene_with(cushion, **numbers | changes))
+            arrays = with_tangents(scene_with(cushion, **numbers | changes))
             ball = BallState(0.0, 0.0, vn, 0.4, un, ut, 5.0)
             return cushion_is_smooth(ball, Wall(1.0, 0.0, 0.0), RADIUS, arrays)
 
@@ -157,7 +184,7 @@ def test_a_ball_that_rolls_has_the_most_topspin_and_a_derivative():
     scene = scene_with("han2005_variable", **FALLS | {"e_cushion_topspin": 0.05, "e_cushion_onset": 0.5})
     motion = np.array([1.0, 0.4, 0.0, 0.0, 0.1])
     ball = BallState(0.0, 0.0, 1.0, 0.4, 0.0, 0.0, 0.1 / RADIUS)
-    assert cushion_is_smooth(ball, Wall(1.0, 0.0, 0.0), RADIUS, scene_arrays(scene))
+    assert cushion_is_smooth(ball, Wall(1.0, 0.0, 0.0), RADIUS, with_tangents(scene))
     changed = [0, 1, 4]  # a rolling ball has no change of slip
     expected = differences(motion, scene, 1e-6)[:, changed]
     np.testing.assert_allclose(derivative(motion, scene)[:, changed], expected, atol=1e-7 * np.abs(expected).max())

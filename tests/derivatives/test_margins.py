@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from billiards_env import Scene, derivatives, simulate, simulate_batch
 from billiards_env.derivatives.shot_derivatives import MARGINS
 from billiards_env.engine.compile import scene_fields
-from billiards_env.physics.geometry.outline_walls import TIP_RADIUS, faces
+from billiards_env.physics.geometry.walls import TIP_RADIUS, faces
 from tests.helpers.derivatives import SCENES, aimed, recorded, start_of, tangent_of
 
 ALL = {**SCENES, "pool": Scene.named("pool", 2), "uk_pool": Scene.named("uk_pool", 2)}

@@ -43,7 +43,7 @@ def inputs_of(scene):
     return names
 
 
-# The 50-digit reference has no "mathavan2010" cushions; `tests/derivatives/test_lanes.py` tests their law.
+# The 50-digit reference takes a second for a "mathavan2010" cushion; `tests/derivatives/test_lanes.py` tests the law.
 NAMED = [name for name in scenes.SCENES if name not in (*SCENES, "snooker", "jump_pool")]
 
 

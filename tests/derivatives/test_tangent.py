@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from billiards_env.derivatives.tangent import Tangent, rule, tangent_of
-from billiards_env.jit import inlined, kernel
+from billiards_env.jit import expanded, inlined, kernel, room_for
 
 
 class Pair(NamedTuple):
@@ -98,6 +98,52 @@ def test_a_tangent_leaves_out_the_changes_of_constants():
     assert tangent_of(scaled)(2.0, 1.0, 0.0, 1.0)[1] == pytest.approx(32.5)
 
 
+room = room_for(2, 3)
+
+
+@rule(room)
+@expanded
+def d_room():
+    return room(), room()
+
+
+@kernel
+def fill(rows, x):  # out: rows
+    rows[0], rows[1] = 0.0, x
+    for k in range(1, 3):
+        rows[1, k] = rows[1, k - 1] * x
+    return 1.0
+
+
+@kernel
+def cube_by_an_array(x):
+    rows = room()
+    one = fill(rows, x)
+    return one * rows[1, 2] + rows[0, 1]
+
+
+def test_a_kernel_may_write_arrays():
+    x, d_x = 0.5, 2.0
+    assert tangent_of(cube_by_an_array)(x, d_x) == (x**3, 3.0 * x * x * d_x)
+
+
+@kernel
+def step_of(x):
+    return 0.5 * x
+
+
+rule(step_of)(None)
+
+
+@kernel
+def two_steps(x):
+    return step_of(x) * x
+
+
+def test_a_rule_may_ignore_a_change():
+    assert tangent_of(two_steps)(3.0, 2.0) == (4.5, 3.0)
+
+
 def power(x):
     y = 2.0 * x
     return y**2
@@ -114,8 +160,8 @@ def changed_range(x):
     return y
 
 
-def written_array(x, y):
-    y[0] = x
+def written_field(x, y):
+    y.first = x
     return x
 
 
@@ -139,7 +185,7 @@ OTHER_SOURCE = [
     (power, 2, r"y \*\* 2"),
     (call_within_a_condition, 1, r"halves\(x, y\)"),
     (changed_range, 2, "for part in x"),
-    (written_array, 1, r"y\[0\]"),
+    (written_field, 1, r"y\.first"),
     (keyword_of_a_kernel, 1, r"halves\(x, y=1.0\)"),
     (changed_counter, 2, "for x in"),
     (changed_constant, 1, "k"),

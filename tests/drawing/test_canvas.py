@@ -122,6 +122,12 @@ def test_a_film_shows_the_velocity_of_the_cue_ball(elsewhere):
         assert near(frame, canvas.pixels_of(places[ball]), CHALK, 60, dx=along, dy=-along * (ball == 0) / 10)
 
 
+def test_the_arrow_of_a_fast_shot_ends_at_the_cushion():
+    canvas = Canvas(Scene.named("pool", 0))
+    _, columns = arrow(canvas, [0.9, 0.0], [9.0, 0.0])
+    assert columns.max() == pytest.approx(canvas.pixels_of([1.27, 0.0])[0], abs=2)
+
+
 @pytest.mark.parametrize("velocity", [(9.0, 4.0), (0.0, 9.0), (-9.0, 0.1), (0.0, -9.0)])
 def test_arrows_stay_in_the_frame(velocity):
     scene = Scene.named("pool", 0)

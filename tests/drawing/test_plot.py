@@ -3,6 +3,7 @@ import pytest
 
 from billiards_env import Scene, strike
 from billiards_env.drawing.recording import recording_of
+from billiards_env.scene import layouts
 from tests.helpers.shots import simulate
 
 pytest.importorskip("matplotlib")
@@ -105,6 +106,23 @@ def test_events_are_labelled_with_their_times(shot):
     texts = {text.get_text() for text in shot.plot().texts}
     assert {"0.04 s", "0.28 s", "0.57 s", "0.85 s"} <= texts
     assert {"1", "2", "3", "4"} <= texts  # the balls' numbers
+
+
+def test_a_break_does_not_hide_its_rack_with_marks():
+    scene, rng = Scene.named("pool", 15), np.random.default_rng(0)
+    axes = simulate(scene, layouts.draw("rack", scene, rng), [7.5, 0.1], record=True).plot()
+    marks = np.array([line.get_xydata()[0] for line in axes.lines if line.get_marker() == "*"])
+    gaps = np.hypot(*(marks[:, None] - marks).T) + np.eye(len(marks))
+    assert len(marks) > 0
+    assert gaps.min() >= 2 * scene.balls.radius[0]
+
+
+def test_the_colours_of_snooker_have_their_names():
+    scene = Scene.named("snooker", 21)
+    positions = layouts.draw("snooker", scene, np.random.default_rng(0))
+    texts = {text.get_text() for text in simulate(scene, positions, [0.1, 0.3], record=True).plot().texts}
+    assert {"yellow", "green", "brown", "blue", "pink", "black"} <= texts
+    assert not {"1", "16", "red"} & texts
 
 
 def test_another_run_has_dashed_paths_and_rings(shot, pit):

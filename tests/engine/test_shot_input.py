@@ -6,7 +6,7 @@ import itertools
 import numpy as np
 import pytest
 
-from billiards_env.engine.compile import MANY_BALLS, scene_fields
+from billiards_env.engine.compile import MANY_BALLS, scene_fields, scene_kernels
 from billiards_env.engine.shot_input import check_shot, is_valid_fast, is_valid_fast_of_many
 from billiards_env.engine.shots import Shots, empty_shots
 from billiards_env.scene import CONTACT_GAP, Balls, Physics, Scene, Table, check_positions
@@ -60,7 +60,7 @@ def test_the_check_by_cells_finds_the_overlaps_of_all_pairs(shape):
         message = first_overlap(scene, positions, in_play)
         starts = positions, np.zeros((m, n, 2)), np.zeros((m, n, 3)), in_play, np.zeros(m, np.int64), None
         for check in (is_valid_fast, is_valid_fast_of_many):
-            assert check(0, m, scene_fields(scene), starts) == (message is None)
+            assert check(scene_kernels(scene), 0, m, scene_fields(scene), starts) == (message is None)
         if message is None:
             check_positions(scene, positions, in_play=in_play)
         else:

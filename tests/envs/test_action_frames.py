@@ -16,7 +16,7 @@ from billiards_env.envs import make_env, make_vector_env
 from billiards_env.envs.action_frames import ActionFrame, cut, nearest_ball, passing_direction, sum_to_three
 from billiards_env.envs.actions import ACTIONS, add_noise, cue_strike, perturb
 from billiards_env.envs.arguments import check_noise
-from billiards_env.envs.episodes import noise_stream
+from billiards_env.envs.reset import noise_stream
 from billiards_env.physics.elementary import cos_sin
 from billiards_env.physics.strike import cue_numbers, speed_gain
 from billiards_env.scene import Scene, layouts

@@ -221,7 +221,7 @@ def test_a_shot_of_sum_to_three_starts_without_spin():
     env.reset()
     played = env.step([0.0, 0.0])[4]["played_action"]
     np.testing.assert_allclose(env.max_speed * played, [1.395 * 1.65, 0.0], rtol=1e-15)
-    events, physics = env._episodes.recorded[0].events, env.scene.physics
+    events, physics = env._episodes.state.recorded[0].events, env.scene.physics
     assert events is not None
     slip = 2 / 7 * 1.395 * 1.65 / (physics.mu_slide * physics.g)  # s, until a ball rolls that starts without spin
     assert (events["kind"][0], events["time"][0]) == ("sliding_rolling", pytest.approx(slip, rel=1e-14))

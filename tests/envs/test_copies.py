@@ -13,7 +13,7 @@ from gymnasium.envs.registration import EnvSpec
 from numba.core.serialize import ReduceMixin
 
 from billiards_env import billiards_v0
-from billiards_env.envs import STATUS, episodes, make_env, make_vector_env
+from billiards_env.envs import STATUS, make_env, make_vector_env, step
 from billiards_env.scene import Scene
 from tests.helpers.environments import SOFT, VARIANTS, VARIED, name_of, same
 
@@ -83,23 +83,28 @@ def test_a_deep_copy_pickles_no_compiled_function(monkeypatch):
         same(copy.deepcopy(env).step(action), env.step(action))
 
 
-def test_a_copy_has_arrays_from_its_first_use_on_and_they_are_used_again():
+def test_copies_of_copies_continue_like_their_original():
     env = KINDS["an environment with noise"]()
     env.reset(seed=0)
     action = actions_of(env, 1)[0]
     first, second = copy.deepcopy(env), pickle.loads(pickle.dumps(copy.deepcopy(env)))
     expected = [env.step(action) for _ in range(2)]
     for twin in (first, second):
-        assert twin._own is None
         same(twin.step(action), expected[0])
-    arrays = [first._episodes, env._episodes]
     third = copy.deepcopy(first)
     del first, twin
     same(third.step(action), expected[1])
-    assert third._episodes is arrays[0]
-    fourth = copy.deepcopy(third)
-    same(fourth.reset(), third.reset())
-    assert fourth._episodes not in arrays
+    same(copy.deepcopy(third).reset(), third.reset())
+
+
+def test_copies_sample_the_same_actions_independently():
+    env = make_env(action="plan")
+    env.action_space.seed(3)
+    env.action_space.sample()
+    twins = [copy.deepcopy(env), copy.deepcopy(copy.deepcopy(env)), pickle.loads(pickle.dumps(copy.deepcopy(env)))]
+    drawn = [[one.action_space.sample() for _ in range(5)] for one in (env, *twins)]
+    assert drawn == drawn[:1] * 4
+    assert copy.deepcopy(env).action_space.sample() == env.action_space.sample()
 
 
 def test_a_deep_copy_has_its_own_renderer():
@@ -149,7 +154,7 @@ def test_a_spec_recreates_its_environment_from_json_and_pickle(kwargs, written, 
 
 
 def test_a_shot_that_reaches_the_limit_on_events_warns(monkeypatch):
-    monkeypatch.setattr(episodes, "MAX_EVENTS", 2)
+    monkeypatch.setattr(step, "MAX_EVENTS", 2)
     env, envs, apart = make_env(), make_vector_env(2), [[-0.5, 0.0], [0.5, 0.0]]
     env.reset(options={"positions": apart})
     envs.reset(options={"positions": [apart] * 2})

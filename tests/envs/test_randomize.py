@@ -85,7 +85,7 @@ def test_players_and_records_have_the_physics_of_the_episode(tmp_path):
     _, reward, _, _, after = env.step([0.5, 0.1])
     assert rated == [reward] * 3
     assert after["shot_time"] == plain.step([0.5, 0.1])[4]["shot_time"]
-    env._episodes.recorded[0].save(tmp_path / "shot.json")
+    env._episodes.state.recorded[0].save(tmp_path / "shot.json")
     record = records.load(tmp_path / "shot.json")
     assert record.scene.physics.e_ball == info["e_ball"]
     assert replay(record).positions.tobytes() == env.positions.tobytes()

@@ -15,7 +15,7 @@ from billiards_env import billiards_v0
 from billiards_env import envs as billiards_envs
 from billiards_env.drawing.recording import recording_of
 from billiards_env.engine import run_shots_of
-from billiards_env.envs import RecordVideo, episodes, make_env
+from billiards_env.envs import RecordVideo, make_env, step
 from billiards_env.envs.billiards import FPS, RENDER_MODES
 from billiards_env.jit import Typed
 from billiards_env.shots import simulation
@@ -68,13 +68,13 @@ def test_each_shot_runs_the_engine_once(render_mode, vector, monkeypatch):
     def counting(*choice):
         engine = Typed(run_shots_of(*choice))
 
-        def run(begin, end, scene, limit, *rest):
+        def run(kernels, begin, end, scene, limit, *rest):
             limits.append(limit)
-            engine.call(begin, end, scene, limit, *rest)
+            engine.call(kernels, begin, end, scene, limit, *rest)
 
         return run
 
-    for module in (episodes, simulation):
+    for module in (step, simulation):
         monkeypatch.setattr(module, "run_shots_of", counting)
     make_one = {"id": "Billiards-v0", "render_mode": render_mode, "max_shots": 2}
     env = make_vec(**make_one, num_envs=2) if vector else make(**make_one)
@@ -83,7 +83,7 @@ def test_each_shot_runs_the_engine_once(render_mode, vector, monkeypatch):
         env.step(0.2 * np.stack([SLOWLY, SLOWLY]) if vector else 0.2 * SLOWLY)
         env.render()
     shown = [0] if not vector or render_mode == "human" else [0, 1]
-    assert list(env.unwrapped._episodes.recorded) == shown  # a window shows the first environment
+    assert list(env.unwrapped._episodes.state.recorded) == shown  # a window shows the first environment
     env.close()
     # Balls at rest are drawn as a shot of 0 s.
     assert sum(limit > 0 for limit in limits) == (4 if vector else 2)
@@ -353,3 +353,12 @@ def test_a_video_of_single_frames_shows_each_shot_for_a_second(render_mode, fps)
     assert metadata == {"render_modes": list(RENDER_MODES), "render_fps": FPS}
     assert gym.make("Billiards-v0", render_mode=render_mode).metadata["render_fps"] == fps
     assert make_vec("Billiards-v0", num_envs=2, render_mode=render_mode).metadata["render_fps"] == fps
+
+
+def test_the_frame_of_a_game_names_the_next_player_and_its_group(pygame):
+    env = make_env(task="eight_ball", n_players=2, render_mode="rgb_array")
+    env.reset(seed=0)
+    env.reset(options={"positions": env.positions, "state": {"solids": 1, "player": 0}})
+    env.step([0.01, 0.0, 0.0, 0.0])
+    renderer: Any = env._renderer
+    assert renderer._steps[-1][0].right == "no hit   next: player 1 (solids)"

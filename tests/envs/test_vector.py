@@ -103,7 +103,7 @@ def test_a_masked_reset_does_not_change_the_others(mode, kwargs):
         mask = rng.random(6) < 0.5
         mask[0] = True
         if mode is AutoresetMode.DISABLED:
-            mask |= native._episodes.arrays.over
+            mask |= native._episodes.state.over
         seed = [None, 40, [9, 8, 7, 6, None, 4]][step % 3]
         options = {"reset_mask": mask.copy()}
         same(native.reset(seed=seed, options=options), sync.reset(seed=seed, options=dict(options)))
@@ -171,7 +171,7 @@ def test_returned_arrays_share_no_memory(mode, kwargs):
     for a, b in itertools.combinations(returned, 2):
         assert not np.may_share_memory(a, b)
     for of in (envs._episodes, env._episodes):
-        inner = [of.memory, *of.shots, *of.arrays]
+        inner = [of.state.block, *of.state.shots, *of.state.arrays]
         assert not any(np.may_share_memory(a, b) for a in returned for b in inner)
 
 
@@ -223,7 +223,7 @@ def test_a_layout_without_room_raises_from_a_thread(monkeypatch):
     envs = make_vector_env(128, threads=2)
     hole = np.array([[0.0, 0.0, 9.0]])  # as large as the table
     plan = layouts.layout_plan("random", envs.single_env.scene)._replace(pockets=hole)
-    monkeypatch.setattr(envs._episodes, "_layout", layouts.Drawer(plan))
+    monkeypatch.setattr(envs._episodes.reset, "layout", layouts.Drawer(plan))
     with pytest.raises(ValueError, match="found no room for ball 0"):
         envs.reset(seed=0)
 

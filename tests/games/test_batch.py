@@ -46,12 +46,12 @@ def played_as_task(settings, game, velocities):
     n = settings.scene.n_balls - 1
     model = make_model(scene="pool", task=settings.rules, n_object_balls=n, max_speed=MAX_SPEED, layout="random")
     episodes = Episodes(len(velocities), model)
-    episodes.state.positions[:], episodes.arrays.states[:] = game.positions, np.array([game.state], STATE)
+    episodes.state.positions[:], episodes.state.game[:] = game.positions, np.array([game.state], STATE)
     episodes.state.in_play[:] = [i == 0 or game.state.object_balls >> i & 1 for i in range(n + 1)]
     episodes.state.over[:] = False
     rewards = np.empty(len(velocities))
     episodes.shoot(0, len(velocities), velocities / MAX_SPEED, rewards, episodes.observer.new(len(velocities)))
-    return episodes.arrays.states, episodes.arrays.over
+    return episodes.state.game, episodes.state.over
 
 
 def shots(m, seed, game):

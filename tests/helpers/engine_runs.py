@@ -4,7 +4,7 @@ import numpy as np
 
 from benchmarks.reference import plain
 from benchmarks.reference.stress import families
-from billiards_env.engine import PIC, Engine, empty_shots, pic, scene_fields
+from billiards_env.engine import PIC, Engine, empty_shots, pic, scene_fields, scene_kernels
 from billiards_env.engine.log import empty_log
 from billiards_env.engine.shot_input import check_shot
 
@@ -20,8 +20,9 @@ def run(run_shots, shots, record=False, max_time=None, max_events=MAX_EVENTS, dt
     limit = check_shot(scene, positions, velocities, spins, None, max_time, into=shots).limit
     log = empty_log(LOG_EVENTS, 4 * LOG_EVENTS, flight=flight) if record else empty_log(flight=flight)
     log.events[:], log.segments[:] = 0.0, 0.0
-    fields = scene_fields(scene, PIC if dt is None else Engine("pit", dt, fix))
-    run_shots(0, len(shots.time), fields, limit, max_events, tuple(shots), tuple(log))
+    engine = PIC if dt is None else Engine("pit", dt, fix)
+    kernels, fields = scene_kernels(scene, engine), scene_fields(scene, engine)
+    run_shots(kernels, 0, len(shots.time), fields, limit, max_events, tuple(shots), tuple(log))
     return [*shots, *log]
 
 

@@ -24,7 +24,7 @@ def collide(impacts, rebound, rows, scene):
     contacts.closing[:], contacts.rebound[:] = closing, rebound
     state = State(rows, np.zeros(len(rows), np.int8), None)
     e = restitution_at(len(first), contacts, scene)
-    scratch = empty_scratch(len(rows), len(first), scene.ball_friction, None)
+    scratch = empty_scratch(len(rows), len(first), scene.laws.friction, None)
     return exchange(e, len(first), contacts, state, scene, scratch)
 
 

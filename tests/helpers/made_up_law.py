@@ -26,9 +26,10 @@ BALLS = BallLaw(restitution, friction)
 
 def types_of_scenes():
     """Returns the types of the arguments that compiled functions have for each named scene."""
-    from billiards_env.engine.compile import scene_fields
+    from billiards_env.engine.compile import scene_fields, scene_kernels
 
-    return {name: str(numba.typeof(scene_fields(Scene.named(name)))) for name in SCENES}
+    scenes = {name: Scene.named(name) for name in SCENES}
+    return {name: str(numba.typeof((scene_kernels(one), scene_fields(one)))) for name, one in scenes.items()}
 
 
 def results_of(law):

@@ -78,7 +78,7 @@ def step_one() -> None:
     env.reset(seed=0)
 
     def state() -> Any:
-        current = env.positions, env.potted, env._episodes.arrays.over.tolist()
+        current = env.positions, env.potted, env._episodes.state.over.tolist()
         env.reset(seed=0)
         return current, env.step([0.0, 0.0]), env.reset(seed=0)
 

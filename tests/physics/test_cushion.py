@@ -6,11 +6,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics import ball_cushion
 from billiards_env.physics.ball_cushion import reflect_both
 from billiards_env.physics.laws.cushion import CushionMotion, cushion_restitution
 from billiards_env.physics.laws.cushion_stronge import friction_impulse
-from billiards_env.physics.laws.mathavan import CushionNose, integrate_impact
+from billiards_env.physics.laws.mathavan import CushionNose, follow_impact
 from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, State
 from billiards_env.scene import Balls, Physics, Scene, Table
 from billiards_env.scene import scene as scenes
@@ -22,7 +21,7 @@ POOL_R = 0.028575
 
 def impact(before, radius, rebound, scene):
     """Returns the motion after an impact on the cushions of a scene, and whether `rebound` raised it."""
-    return ball_cushion.impact(scene.cushion, before, (radius, rebound, scene.numbers, None))
+    return scene.laws.cushion(before, radius, rebound, scene.numbers, None)
 
 
 def pool_cushion(law, height=1.28, radius=POOL_R, **physics):
@@ -259,7 +258,7 @@ def test_a_variable_cushion_reverses_some_of_the_slip_and_adds_no_energy(state, 
         assert after.vt + after.rwz == pytest.approx(-share * (before.vt + before.rwz), abs=1e-12)
 
 
-ERROR = {"han2005": 1e-13, "stronge": 1e-13, "mathavan2010": 1e-7, "han2005_variable": 1e-13}
+ERROR = {"han2005": 1e-13, "stronge": 1e-13, "mathavan2010": 1e-13, "han2005_variable": 1e-13}
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -387,16 +386,32 @@ def test_every_impact_ends_and_does_not_add_energy():
     """Impacts of 1 m/s or less with spins of up to a million rad/s once took a second, or gave NaN."""
     rng, radius = np.random.default_rng(0), 0.028
     for k in range(1500):
-        sin = rng.uniform(-0.99, 0.99)
+        sin = rng.uniform(-0.99, 0.99) * (k % 7 > 0)
         mu, mu_cloth = (10 ** rng.uniform((-3, -4), 2)).tolist() if k % 2 else rng.uniform((0, 0.05), 1).tolist()
-        nose = CushionNose(sin, math.sqrt(1 - sin * sin), mu, mu_cloth)
+        nose = CushionNose(sin, math.sqrt(1 - sin * sin), mu * (k % 5 > 0), mu_cloth)
         spin = rng.choice([-1.0, 0.0, 0.3, 1.0], 3) * radius * 10 ** rng.uniform(-3, 6)
         before = np.array([rng.normal() * 10 ** rng.uniform(-6, 2), 10 ** rng.uniform(-6, 3), *spin])
         e = float(rng.choice([0.0, 1.0, rng.random()]))
-        after = np.array(integrate_impact(tuple(before.tolist()), nose, e))
+        after, _, steps = follow_impact(tuple(before.tolist()), nose, e)
+        after = np.array(after)
+        assert steps < 400
         energy = [v[:2] @ v[:2] + 0.4 * v[2:] @ v[2:] for v in (before, after)]
-        assert energy[1] <= energy[0] * (1 + 1e-9)
-        assert after[1] <= 1e-6 * np.abs(before[1:]).max()
+        assert energy[1] <= energy[0] * (1 + 1e-12)
+        assert after[1] <= 1e-12 * np.abs(before[1:]).max()
+
+
+def test_a_mathavan_cushion_is_smooth():
+    """The impact once jumped by up to 4e-7 of the speed where the number of steps of its solution changed."""
+    rng, t = np.random.default_rng(0), np.linspace(-1.0, 1.0, 21)
+    powers = np.stack((np.ones(21), t, t * t), axis=1)
+    for k in range(300):
+        nose = CushionNose(0.4, math.sqrt(1 - 0.16), 0.14, 0.212)
+        vy = abs(rng.normal()) + 0.05
+        before = np.array([vy * math.tan(rng.uniform(-1.4, 1.4)), vy, *((k % 3) * rng.normal(size=3))])
+        changes = 1.0 + 1e-9 * rng.normal(size=5) * t[:, None]
+        after = np.array([follow_impact(tuple((before * change).tolist()), nose, 0.95)[0] for change in changes])
+        rest = after - powers @ np.linalg.lstsq(powers, after, rcond=None)[0]
+        assert np.abs(rest).max() < 1e-13 * np.abs(before).max()
 
 
 def test_each_cushion_of_a_scene_has_its_own_law():
@@ -463,8 +478,7 @@ def test_a_corner_adds_no_energy_has_no_order_and_mirrors_bit_for_bit(law, value
     scene = pool_cushion(law, e_cushion=e)
     after = corner(scene, motion, half, -half)
     spins = law != "restitution"
-    rounding = 1e-6 if law == "mathavan2010" else 1e-13
-    assert energy(after, spins) <= energy(motion, spins) * (1 + rounding)
+    assert energy(after, spins) <= energy(motion, spins) * (1 + 1e-13)
     np.testing.assert_array_equal(after, corner(scene, motion, -half, half))
     mirror = np.array([1, -1, 1, -1, -1])
     np.testing.assert_array_equal(after * mirror, corner(scene, motion * mirror, half, -half))

@@ -1,6 +1,7 @@
 """Contact times of balls and cushions: none is missed, and none is found where there is none."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,8 +9,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics.geometry import outline_walls, walls
-from billiards_env.physics.geometry.outline_walls import BOX_X, HALF_LINE, outline_arrays
+from billiards_env.physics.geometry import outline_walls
+from billiards_env.physics.geometry.outline_walls import OUTLINE, any_wall_time, outline_arrays, piece_normal
+from billiards_env.physics.geometry.walls import HALF_LINE, TURNS
 from billiards_env.physics.motion import Path
 from billiards_env.physics.state import VX, VY, WIDTH, State, X, Y
 from billiards_env.scene import Balls, Physics, Scene, Table
@@ -18,16 +20,20 @@ from tests.helpers.outlines import ANY_TABLE, TABLES, THROAT, free_places, joint
 
 INF = math.inf
 R = 0.03
-NUMBERS = scene_arrays(Scene.named("pool", 0)).numbers  # only rectangles without an outline have their sides there
+SCENE: Any = scene_arrays(Scene.named("pool", 0))._replace(laws=None, walls=None)
 
 
 def arrays(a_table):
     return outline_arrays(a_table.outline, a_table.length / 2, a_table.width / 2, ())
 
 
+def scene_with(outline):
+    return SCENE._replace(outline=outline)
+
+
 def wall_time(path, a_table, end=INF, radius=R):
     """Returns the time of the next contact and the number of the cushion."""
-    return walls.wall_time(Path(*map(float, path)), radius, end, NUMBERS, arrays(a_table))
+    return OUTLINE.time(Path(*map(float, path)), radius, end, scene_with(arrays(a_table)))
 
 
 def position(path, t):
@@ -53,7 +59,7 @@ def check(path, a_table, end, radius=R):
     assert abs(gap(path, t, a_table, radius)) < 1e-12
     outline = arrays(a_table)
     x, y = position(path, t)
-    nx, ny = outline_walls.outline_normal(x, y, wall, outline)
+    nx, ny = piece_normal(x, y, wall, outline)
     vx, vy = path[2] + t * path[4], path[3] + t * path[5]
     assert nx * vx + ny * vy > -1e-12
     assert math.hypot(nx, ny) == pytest.approx(1.0, abs=1e-15)
@@ -91,7 +97,7 @@ def test_a_ball_that_touches_a_cushion_leaves_it(a_table, seed, force):
             break
         x, y = position(path, t)
         vx, vy = vx + t * ax, vy + t * ay
-        nx, ny = outline_walls.outline_normal(x, y, wall, outline)
+        nx, ny = piece_normal(x, y, wall, outline)
         normal = nx * vx + ny * vy
         vx, vy = vx - 2 * normal * nx, vy - 2 * normal * ny
 
@@ -100,12 +106,12 @@ def test_a_ball_that_touches_a_cushion_leaves_it(a_table, seed, force):
 def test_the_rectangle_without_cushions_is_only_a_short_cut(name):
     a_table = TABLES[name]
     quick = arrays(a_table)
-    assert quick.box[BOX_X] == a_table.length / 2
+    assert quick.box[X] == a_table.length / 2
     rng = np.random.default_rng(0)
     for place in free_places(a_table, R, rng, 300):
         path = Path(*map(float, place), *rng.normal(size=2), *(rng.normal(size=2) * rng.choice([0.0, 2.0])))
         end = INF if path.ax == 0.0 else 2.0
-        assert walls.wall_time(path, R, end, NUMBERS, quick) == outline_walls.any_wall_time(path, R, end, quick)
+        assert OUTLINE.time(path, R, end, scene_with(quick)) == any_wall_time(path, R, end, quick)
 
 
 def test_a_corner_half_a_micrometre_inside_the_rectangle_has_no_short_cut():
@@ -213,7 +219,7 @@ def test_a_ball_that_touches_a_cushion_now_and_approaches_it_meets_it_now(name):
         angle = rng.uniform(0, 2 * math.pi)
         t, wall = wall_time((*place, math.cos(angle), math.sin(angle), 0, 0), a_table)
         x, y = position((*place, math.cos(angle), math.sin(angle), 0, 0), t)
-        nx, ny = outline_walls.outline_normal(x, y, wall, outline)
+        nx, ny = piece_normal(x, y, wall, outline)
         for off in (0.0, 1e-16, -1e-16):
             path = (x + off * nx, y + off * ny, nx - 0.1 * ny, ny + 0.1 * nx, 0.3 * nx, 0.3 * ny)
             assert wall_time(path, a_table, 1.0)[0] < 1e-15
@@ -233,9 +239,8 @@ def test_a_ball_between_two_cushions_meets_the_one_that_it_approaches():
 def walls_met(place, velocity, wall, a_table):
     rows = np.zeros((1, WIDTH))
     rows[0, [X, Y, VX, VY]] = np.concatenate([place, velocity])
-    numbers = scene_arrays(Scene(Balls((R,), (0.2,)), a_table, Physics())).numbers
-    outline = arrays(a_table) if a_table.outline else None
-    return walls.walls_met(State(rows, np.zeros(1, np.int8), None), 0, wall, R, numbers, outline)
+    scene: Any = scene_arrays(Scene(Balls((R,), (0.2,)), a_table, Physics()))
+    return scene.walls.met(State(rows, np.zeros(1, np.int8), None), 0, wall, scene._replace(laws=None, walls=None))
 
 
 @pytest.mark.parametrize("x", [1, -1])
@@ -294,18 +299,18 @@ def test_a_ball_behind_the_continuation_of_a_cushion_comes_back_to_it():
 def test_a_ball_anywhere_overlaps_a_cushion_unless_it_is_on_the_table(a_table, seed):
     rng = np.random.default_rng(seed)
     outline = arrays(a_table)
-    size = max(a_table.length, a_table.width)
+    scene, size = scene_with(outline), max(a_table.length, a_table.width)
     count = len(outline.lines) + len(outline.tips)
     for place in rng.uniform(-size, size, (20, 2)):
         room = float(clearance(a_table.outline, place))
         x, y = map(float, place)
-        assert (walls.next_overlap(x, y, 0.0, 0.0, R, 0, NUMBERS, outline) >= 0) == (room < R)
-        for turn in range(walls.wall_turns(outline)):
-            wall = walls.next_overlap(x, y, 0.0, 0.0, R, turn, NUMBERS, outline)
+        assert (OUTLINE.next_overlap(x, y, 0.0, 0.0, R, 0, scene) >= 0) == (room < R)
+        for turn in range(TURNS):
+            wall = OUTLINE.next_overlap(x, y, 0.0, 0.0, R, turn, scene)
             if wall < 0:
                 break
             assert wall < count
-            x, y = walls.back_to_wall(x, y, R, wall, NUMBERS, outline)
+            x, y = OUTLINE.back_to(x, y, R, wall, scene)
         # Outside a corner that is too acute for the ball its centre may remain outside by its radius.
         assert clearance(a_table.outline, (x, y)) > -R * (1 + 1e-9)
 
@@ -313,6 +318,6 @@ def test_a_ball_anywhere_overlaps_a_cushion_unless_it_is_on_the_table(a_table, s
 def test_a_ball_at_the_centre_of_an_arc_is_sent_to_the_middle_of_the_arc():
     tip = pieces(TABLES["L"].outline)[1][0]
     outline = arrays(TABLES["L"])
-    beyond, nx, ny = walls.wall_overlap(tip.x, tip.y, R, len(outline.lines), NUMBERS, outline)
+    beyond, nx, ny = OUTLINE.overlap(tip.x, tip.y, R, len(outline.lines), scene_with(outline))
     assert beyond == pytest.approx(R + tip.radius)
     assert (nx, ny) == pytest.approx((math.sqrt(0.5), math.sqrt(0.5)))

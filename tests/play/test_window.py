@@ -18,7 +18,6 @@ import pygame
 from billiards_env import Engine, Scene, simulate
 from billiards_env.drawing.canvas import Canvas, pixels
 from billiards_env.drawing.pace import slower
-from billiards_env.envs import make_env
 from billiards_env.games import History, Setup, Stroke, custom_opening, records
 from billiards_env.play import labels
 from billiards_env.play import model as act
@@ -434,12 +433,13 @@ def test_a_game_that_cannot_be_saved_continues(shown, tmp_path, monkeypatch):
     assert (shown.open, shown.message.startswith("not saved: ")) == (True, True)
 
 
-def test_the_window_handles_keys_while_a_program_thinks(make_model, window):
+def test_the_window_handles_keys_while_a_program_thinks(make_model, window, monkeypatch):
     may_play, calls = threading.Event(), []
+    monkeypatch.setattr("billiards_env.play.window.game_observation", lambda setup, game, max_speed: max_speed)
 
     def player(situation, rng):
         setup, game = situation.find_game()
-        calls.append((setup, game.positions.tolist(), situation.table.max_speed))
+        calls.append((setup, game.positions.tolist(), situation.observation))
         may_play.wait()
         return Stroke((0.3, 0.4))
 
@@ -531,22 +531,6 @@ def test_a_thread_that_compiles_is_not_stopped():
     assert isinstance(works[1].exception(20.0), SystemExit)
     may_end.set()
     assert works[0].result(20.0) == 5
-
-
-def test_a_program_gets_the_observation_of_an_environment(make_model, window):
-    seen = []
-
-    def player(situation, rng):
-        seen.append(situation.observation)
-        return Stroke((0.3, 0.4))
-
-    model = make_model("carom", players=("program", "human"))
-    shown = window(model, (player, None))
-    while shown.model.phase == "thinking":
-        press(shown)
-    env = make_env(task="carom", n_players=2)
-    assert env.observation_space.contains(seen[0])
-    np.testing.assert_allclose(env.decode(seen[0])["positions"] * env.scene.half_extents, model.game.positions)
 
 
 def test_the_window_shows_the_shots_that_a_program_considers(make_model, window):

@@ -69,6 +69,8 @@ def test_a_cue_drives_a_ball_that_it_touches_in_the_shot_that_is_solved():
             shot = simulate(POOL, places, strike_with(velocity) if strike else velocity)
             assert shot.potted.tolist() == [False, True]
             assert np.hypot(*(shot.positions[0] - goals[1].position)) <= 0.005
+        again = simulate(POOL, places, aimed[strike].stroke)
+        assert np.array_equal(again.positions, aimed[strike].shot.positions)
         assert aimed[strike].residual == np.hypot(*(aimed[strike].shot.positions[0] - goals[1].position))
     other = simulate(POOL, places, strike_with(aimed[False].velocity))
     assert np.hypot(*(other.positions[0] - goals[1].position)) > 0.1

@@ -291,10 +291,6 @@ WRONG = [
     ((FIXED, PLACES, [1.0, 0.0], [[0.0, 0.0]]), "spins"),
     ((FIXED, PLACES, [[0.0, 0.0], [1.0, 0.0]]), "infinite mass"),
     ((ideal(1.0, 1.0), [[0.0, 0.0], [R, 0.0]], [1.0, 0.0]), "balls 0 and 1"),
-    (
-        (Scene.named("snooker", 0), [(0.0, 0.0)], [(1.0, 0.0)]),
-        r"physics\.cushion = 'mathavan2010': expected one of \['restitution', ",
-    ),
 ]
 
 

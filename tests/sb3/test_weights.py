@@ -4,9 +4,10 @@ import itertools
 from typing import Any
 
 import pytest
+import torch
 import yaml
 
-from billiards_env.sb3.weights import build_policy, load_policy, save_policy
+from billiards_env.sb3.weights import build_policy, is_slim, load_policy, read_weights, save_policy, slim
 
 POLICY: dict[str, Any] = {"head": "gaussian", "hidden": [8], "activation": "tanh"}
 ENV = {"task": "pot", "scene": "pool", "n_object_balls": 1}
@@ -66,6 +67,40 @@ def test_a_policy_for_a_frozen_task_plays_it_whatever_its_rewards_were(folder):
     assert load_policy(folder, {"task": "pot"})[0]["task"] == "pot"
     with pytest.raises(ValueError, match="another task: expected 'clear', not 'position'"):
         load_policy(folder, {"task": "position"})
+
+
+@pytest.mark.parametrize("balls", [1, 3])
+def test_a_slim_policy_is_smaller_and_plays_with_rounded_weights(balls, tmp_path):
+    env, copy = {**ENV, "n_object_balls": balls}, tmp_path / "copy"
+    policy: Any = build_policy(env, {"head": "aim", "arguments": {"hidden": 32}})
+    if balls > 1:
+        torch.nn.init.normal_(policy.net.other_balls.weight)
+    (tmp_path / "config.yaml").write_text(
+        yaml.safe_dump({"env": env, "policy": {"head": "aim", "arguments": {"hidden": 32}}})
+    )
+    save_policy(policy, tmp_path / "policy.pt")
+    copy.mkdir()
+    for name, content in slim(tmp_path).items():
+        (copy / name).write_bytes(content)
+    assert (copy / "policy.pt").stat().st_size < 0.6 * (tmp_path / "policy.pt").stat().st_size
+    assert slim(copy)["policy.pt"] == (copy / "policy.pt").read_bytes()
+    assert [is_slim(read_weights(folder / "policy.pt")) for folder in (tmp_path, copy)] == [False, True]
+    whole, rounded = (dict(load_policy(folder)[1].state_dict()) for folder in (tmp_path, copy))
+    for name, weights in whole.items():
+        if balls == 1 and name.startswith("net.other_ball."):
+            assert not rounded[name].any()
+        else:
+            torch.testing.assert_close(rounded[name], weights, rtol=2**-10, atol=6e-8)
+    layouts = torch.rand(50, 2 * (1 + balls)) * 1.6 - 0.8
+    played = [load_policy(folder)[1].predict(layouts.numpy(), deterministic=True)[0] for folder in (tmp_path, copy)]
+    assert played[0] == pytest.approx(played[1], abs=2e-3)
+
+
+def test_a_weight_that_a_slim_policy_cannot_hold_is_refused(folder):
+    (folder / "config.yaml").write_text(settings())
+    torch.save({"log_std": torch.tensor([7e4])}, folder / "policy.pt")
+    with pytest.raises(ValueError, match=r"run_dir = .*: expected weights up to 65,000"):
+        slim(folder)
 
 
 def test_a_right_one_is_loaded_and_an_argument_of_the_caller_keeps_its_error(folder):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from billiards_env import Scene, derivatives, simulate, simulate_batch, strike
 from billiards_env.engine import frozen_strike
 from billiards_env.engine.frozen_strike import LEFT
-from billiards_env.envs import episodes, make_env, make_vector_env
+from billiards_env.envs import make_env, make_vector_env, step
 from billiards_env.games import Setup, Stroke, custom_opening, play
 from billiards_env.games.batch import play_batch
 from billiards_env.shots import simulation
@@ -169,7 +169,7 @@ def test_a_shot_without_a_frozen_ball_does_not_drive(monkeypatch):
 
     monkeypatch.setattr(frozen_strike, "_drive", fail)
     assert simulate(POOL, PAIR * [2, 1], strike(POOL, 1.0, 0.0)).status == "rest"
-    for module in (episodes, simulation):
+    for module in (step, simulation):
         monkeypatch.setattr(module, "strike_frozen", fail)
     assert simulate(POOL, PAIR, [1.0, 0.0]).first_hit == 1
     env = make_env(scene="pool", n_object_balls=2)

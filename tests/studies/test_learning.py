@@ -8,11 +8,15 @@ import pytest
 import yaml
 
 from agents import config as settings
-from billiards_env.bench.evaluation import evaluation_seeds, play_episodes
-from billiards_env.bench.frozen import FROZEN
+from agents.ppo import deterministic
+from billiards_env.bench.evaluation import evaluation_seeds, play_episodes, play_together
+from billiards_env.bench.frozen import FROZEN, NAMESPACE
 from billiards_env.players.env_player import acting
 from billiards_env.players.named import find_player
+from billiards_env.sb3 import load_policy
+from billiards_env.sb3.weights import is_slim, read_weights
 from studies import learning, read_results
+from studies.cards import cards
 from studies.learning import blocks, main
 from tests.helpers.processes import InThisProcess
 
@@ -30,6 +34,24 @@ ROWS = {
         },
     },
 }
+
+
+def test_the_published_policies_are_slim_and_have_a_card():
+    files = list((learning.OUTPUT.parent / "policies").rglob("policy.pt"))
+    assert {path.with_name("README.md") for path in files} == set(cards())
+    assert all(is_slim(read_weights(path)) for path in files)
+    assert sum(path.stat().st_size for path in files) < 9e6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("row", "task"), [pair[:2] for pair in learning.policies(read_results(learning.OUTPUT))])
+def test_the_published_policies_succeed_as_often_as_before_rounding(row, task):
+    """On the first of the layouts that the policy played before, up to four standard errors."""
+    published = learning.runs(read_results(learning.OUTPUT)[row])[0]["tasks"][task]["success_rate"]
+    policy = load_policy(learning.OUTPUT.parent / "policies" / row, FROZEN[task].arguments)[1]
+    envs = gym.make_vec(NAMESPACE + task, num_envs=2000, autoreset_mode="SameStep")
+    played = play_together(envs, deterministic(policy), evaluation_seeds(10, 2000).tolist())
+    assert abs(played["success_rate"] - published) < 4 * (published * (1 - published) / 2000) ** 0.5 + 1e-9
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from billiards_env import Scene, simulate
 from billiards_env.bench.evaluation import evaluation_seeds, play_together
 from billiards_env.engine import PIC, Engine
 from billiards_env.sb3 import load_policy
+from billiards_env.sb3.weights import is_slim, read_weights
 from studies import executor, timestep, timestep_report, timestep_shots
 from studies.readme import fill_page, results
 from tests.helpers.processes import InThisProcess
@@ -78,8 +79,11 @@ def test_the_results_have_all_runs(study):
 
 
 def test_the_policies_play_as_measured(command, study):
-    env, policy = load_policy(timestep.policy_folder(command[1] / "timestep.json", "1/60"))
+    published = timestep.policy_folder(command[1] / "timestep.json", "1/60")
+    env, policy = load_policy(command[1] / "runs" / "1-60" / "seed5")
     assert (env["mode"], env["dt"]) == ("pit", 1 / 60)
+    assert is_slim(read_weights(published / "policy.pt"))
+    assert load_policy(published)[0] == env
     assert not timestep.policy_folder(command[1] / "timestep.json", "1/60 move_back").exists()
     run = study["runs"]["1/60"]["5"]
     seeds = evaluation_seeds(timestep.LAYOUT_SEED, 200).tolist()

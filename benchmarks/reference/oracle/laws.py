@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 
 import mpmath
 
+from benchmarks.reference.oracle.mathavan import Nose, impact
 from benchmarks.reference.oracle.outline import Arc, Line, dot, minus, walls_of
 from benchmarks.reference.oracle.roots import Real
 from billiards_env.scene import PARAMETERS, Scene, Table, ball_friction
@@ -498,7 +499,23 @@ def _compliant(x: Real, e: Real, world: World) -> Real:
     return held - beta * e * (1 + mpmath.cos(psi(high)))
 
 
-CUSHIONS = {"restitution": _smooth, "han2005": _han, "han2005_variable": _han_variable, "stronge": _stronge}
+def _mathavan(world: World, ball: int, vx: Real, vy: Real, wx: Real, wy: Real, wz: Real) -> Vector:
+    """Returns the state after a cushion by Mathavan, Jackson and Parkin (2010); see `oracle.mathavan`."""
+    radius = world.radius[ball]
+    sin = world.cushion_height / radius - 1
+    nose = Nose(sin, mpmath.sqrt(1 - sin * sin), world.mu_cushion, world.mu_slide)
+    before = -vy, vx, -radius * wy, radius * wx, radius * wz
+    along, into, wt, wn, wz = impact(before, nose, _restitution(world, vx))
+    return into, -along, wn / radius, -wt / radius, wz / radius
+
+
+CUSHIONS = {
+    "restitution": _smooth,
+    "han2005": _han,
+    "han2005_variable": _han_variable,
+    "stronge": _stronge,
+    "mathavan2010": _mathavan,
+}
 """The laws of cushions: functions of the world, the ball, (vx, vy) and (wx, wy, wz); x points into the cushion."""
 
 

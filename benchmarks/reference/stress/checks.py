@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine.compile import MAX_EVENTS, scene_arrays, scene_fields
+from billiards_env.engine.compile import MAX_EVENTS, scene_arrays, scene_fields, scene_kernels
 from billiards_env.engine.contact_rule import limits_in_space
 from billiards_env.engine.log import (
     BALL_BALL,
@@ -33,7 +33,8 @@ from billiards_env.engine.shots import Shots, empty_shots, start_fields
 from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
-from billiards_env.physics.geometry.outline_walls import (
+from billiards_env.physics.geometry.pockets import distance_from, pocket_at
+from billiards_env.physics.geometry.walls import (
     BEGIN_TX,
     BEGIN_TY,
     END_TX,
@@ -49,7 +50,6 @@ from billiards_env.physics.geometry.outline_walls import (
     TX,
     TY,
 )
-from billiards_env.physics.geometry.pockets import distance_from, pocket_at
 from billiards_env.physics.laws.cloth import spin_after
 from billiards_env.physics.motion import motion_after, slip_after
 from billiards_env.physics.state import (
@@ -148,14 +148,6 @@ def beyond_outline(x, y, radius, outline):
 
 
 @kernel
-def _outside(x, y, radius, numbers, outline):
-    """Returns the distance by which a ball at (x, y) is beyond a cushion, m; negative if it is beyond none."""
-    if outline is None:
-        return max(abs(x) - (numbers.half_length - radius), abs(y) - (numbers.half_width - radius))
-    return beyond_outline(x, y, radius, outline)
-
-
-@inlined
 def _distance_to(px, py, x, y, above, pockets):
     """Returns the distance of a ball from a point of a nose, m; infinite in a pocket, where there is no nose."""
     for k in range(len(pockets)):
@@ -165,14 +157,11 @@ def _distance_to(px, py, x, y, above, pockets):
 
 
 @kernel
-def _nose_distance(outline, x, y, above, inset, numbers, pockets):
+def _nose_distance(x, y, above, inset, outline, pockets):
     """Returns the distance of a ball from the nearest nose, m; `above` is its height above the noses.
 
     The ends of the noses at pockets and the noses behind the ball do not count.
     """
-    if outline is None:
-        px, py = math.copysign(numbers.half_length - inset, x), math.copysign(numbers.half_width - inset, y)
-        return min(_distance_to(px, y, x, y, above, pockets), _distance_to(x, py, x, y, above, pockets))
     nearest = math.inf
     for line in outline.lines:
         dx, dy = x - line[LINE_X], y - line[LINE_Y]
@@ -197,8 +186,8 @@ def _beyond_noses(flight, x, y, z, radius, scene):
     height = scene.numbers.cushion_height - radius
     inset, beyond = radius - math.sqrt(radius * radius - height * height), -math.inf
     if pocket_at(scene.pockets, x, y, 1.0) < 0:
-        beyond = _outside(x, y, inset, scene.numbers, scene.outline)
-    apart = _nose_distance(scene.outline, x, y, z - height, inset, scene.numbers, scene.pockets)
+        beyond = beyond_outline(x, y, inset, scene.outline)
+    apart = _nose_distance(x, y, z - height, inset, scene.outline, scene.pockets)
     return max(beyond, radius - apart)
 
 
@@ -218,7 +207,7 @@ def _check_positions(now, state, scene, places, findings):
         else:
             if z != 0.0 or vz != 0.0:
                 findings[BROKEN] = 1.0
-            out = _outside(x, y, radius[i], numbers, scene.outline)
+            out = beyond_outline(x, y, radius[i], scene.outline)
             for k in range(len(pockets)):
                 out = max(out, -distance_from(pockets[k], x, y))
         findings[OUTSIDE] = max(findings[OUTSIDE], out)
@@ -309,11 +298,11 @@ def _check(log, scene, mass, acts, findings):
 
 
 @allocating_entry_point
-def _run_checked(scene, limit, max_events, shots, log, findings):
-    arrays, record = scene_of(scene, 0), Log(*log)
+def _run_checked(kernels, scene, limit, max_events, shots, log, findings):
+    arrays, record = scene_of(kernels, scene, 0), Log(*log)
     mass, used = 1.0 / arrays.inv_mass, record.used
     for k in range(len(findings)):
-        run_shots(k, k + 1, scene, limit, max_events, shots, log)
+        run_shots(kernels, k, k + 1, scene, limit, max_events, shots, log)
         if used[N_EVENTS_LOGGED] > len(record.events) or used[N_SEGMENTS_LOGGED] > len(record.segments):
             findings[k, FULL] = 1.0
         else:
@@ -375,17 +364,17 @@ def check_shots(
     shots = empty_shots(m, n, flight)
     limit = check_shot(scene, positions, velocities, spins, None, max_time, into=shots).limit
     findings = np.zeros((m, N_FINDINGS))
-    arrays = scene_fields(scene)
+    kernels, arrays = scene_kernels(scene), scene_fields(scene)
     log = empty_log(log_rows, 2 * log_rows + n, flight=flight)
     start = [None if array is None else array.copy() for array in start_fields(shots)]
-    _run_checked(arrays, limit, max_events, tuple(shots), tuple(log), findings)
+    _run_checked(kernels, arrays, limit, max_events, tuple(shots), tuple(log), findings)
     for k in np.flatnonzero(findings[:, FULL]):
         rows = int(shots.n_events[k])
         log = empty_log(rows, 2 * rows + n, flight=flight)
         findings[k] = 0.0
         one = slice(k, k + 1)
         again = tuple(None if array is None else array[one] for array in (*start, *shots[len(start) :]))
-        _run_checked(arrays, limit, max_events, again, tuple(log), findings[one])
+        _run_checked(kernels, arrays, limit, max_events, again, tuple(log), findings[one])
     heaviest = max(m for m in scene.balls.mass if math.isfinite(m))
     numbers = scene_arrays(scene).numbers
     weak = limits_in_space(1.0, numbers).speed if flight else numbers.weak_speed

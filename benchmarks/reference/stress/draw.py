@@ -13,8 +13,8 @@ from benchmarks.reference.stress.checks import beyond_outline
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.jit import allocating_entry_point
 from billiards_env.physics.geometry.contact import contact_distance
-from billiards_env.physics.geometry.outline_walls import TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.physics.geometry.pockets import distance_from
+from billiards_env.physics.geometry.walls import TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.physics.state import X, Y
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.outline import Corner
@@ -90,7 +90,7 @@ def layouts(scene: Scene, rng: np.random.Generator, m: int, frozen: float = 0.0)
     order = np.argsort(-np.array(scene.balls.radius), kind="stable")
     out = np.zeros((m, scene.n_balls, 2))
     arrays = scene_arrays(scene)
-    drawn = _scatter(rng, order, frozen, arrays, arrays.outline, out)
+    drawn = _scatter(rng, order, frozen, arrays, arrays.outline if scene.table.outline else None, out)
     return out if drawn == m else None
 
 

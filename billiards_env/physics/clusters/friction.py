@@ -19,7 +19,6 @@ from billiards_env.physics.clusters.impulses import RESIDUE, UPWARDS, quantum, t
 from billiards_env.physics.double_double import HI, LO
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.laws.balls import Pair, along_normal, contact_slip, tilt_between
-from billiards_env.physics.laws.tables import friction_of
 from billiards_env.physics.state import UX, UY, VX, VY, VZ, WZ, X, Y, ball_of
 
 # Columns of `Rubbing.sums`: the impulse, and the impulses that turn a ball about z and about horizontal axes.
@@ -113,12 +112,12 @@ def _push_up(flight, row, speed):  # out: row
 
 
 @inlined
-def add_normal_impulses(ball_friction, count, factor, first, direct, scratch):  # out: scratch
+def add_normal_impulses(friction, count, factor, first, direct, scratch):  # out: scratch
     """Adds `factor` times the impulses of `solve_plastic` to the normal impulses. With `first` they begin at zero.
 
     `direct` is the result of `solve_plastic`.
     """
-    if ball_friction is None:
+    if friction is None:
         return
     normal, p = scratch.rubbing.normal, scratch.impulse
     if direct:
@@ -265,7 +264,7 @@ def _rub_together(count, contacts, state, scene, rubbing):  # out: state, rubbin
         slip[c, _ACROSS], slip[c, _UP] = contact_slip(tilt, ball_of(one), ball_of(two), pair)
         slip[c, _UP] = up_slip(contacts.flight, tilt, slip[c, _UP], one, two)
         speed = norm(slip[c, _ACROSS], slip[c, _UP])
-        mu = friction_of(scene.ball_friction, scene.numbers, speed)
+        mu = scene.laws.friction(scene.numbers, speed)
         rubbing.limit[c] = mu * _normal_of(contacts.flight, tilt, rubbing.normal[c])
     _minimise_energy(count, contacts, inv_mass, scene.spheres, rubbing)
     _sum_friction(count, contacts, rubbing.last, scene.spheres, rubbing)
@@ -284,17 +283,17 @@ def _rub_together(count, contacts, state, scene, rubbing):  # out: state, rubbin
 
 
 @inlined
-def rub_all(ball_friction, count, contacts, state, scene, scratch):  # out: state, scratch
+def rub_all(friction, count, contacts, state, scene, scratch):  # out: state, scratch
     """Changes velocities, slips and spins by the friction of the impacts at one instant.
 
     Args:
-        ball_friction: `SceneArrays.ball_friction`.
+        friction: `SceneArrays.laws.friction`.
         count: Number of contacts.
         contacts: The `Contacts`.
         state: The `State` after the normal impulses.
         scene: The `SceneArrays`.
         scratch: The `Scratch`; `rubbing.normal` holds the normal impulses.
     """
-    if ball_friction is None:
+    if friction is None:
         return
     _rub_together(count, contacts, state, scene, scratch.rubbing)

@@ -125,8 +125,8 @@ class Scratch(NamedTuple):
 
 
 @allocating
-def _empty_rubbing(ball_friction, n, most):
-    if ball_friction is None:
+def _empty_rubbing(friction, n, most):
+    if friction is None:
         return None
     return Rubbing(
         normal=np.empty(most),
@@ -142,8 +142,11 @@ def _empty_rubbing(ball_friction, n, most):
 
 
 @allocating
-def empty_scratch(n, most, ball_friction, flight):
-    """Returns the `Scratch` for n balls and `most` contacts; the others are fields of `SceneArrays`."""
+def empty_scratch(n, most, friction, flight):
+    """Returns the `Scratch` for n balls and `most` contacts.
+
+    `friction` is `SceneArrays.laws.friction`, and `flight` is `SceneArrays.flight`.
+    """
     axes = axes_of(flight)
     return Scratch(
         increase=np.empty((most, 2)),
@@ -153,7 +156,7 @@ def empty_scratch(n, most, ball_friction, flight):
         descent=np.empty((4, most)),
         dv=np.empty((n, axes)),
         done=np.zeros(n, np.bool_),
-        rubbing=_empty_rubbing(ball_friction, n, most),
+        rubbing=_empty_rubbing(friction, n, most),
     )
 
 

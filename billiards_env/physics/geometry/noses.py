@@ -31,7 +31,8 @@ import numpy as np
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import circle_time, line_time, misses_circle, sphere_time, sweep
-from billiards_env.physics.geometry.outline_walls import (
+from billiards_env.physics.geometry.pockets import distance_from, pocket_at
+from billiards_env.physics.geometry.walls import (
     BEGIN_TX,
     BEGIN_TY,
     END_TX,
@@ -47,12 +48,11 @@ from billiards_env.physics.geometry.outline_walls import (
     TIP_Y,
     TX,
     TY,
+    Outline,
     faces,
     is_beside,
     tip_circle,
 )
-from billiards_env.physics.geometry.pockets import distance_from, pocket_at
-from billiards_env.physics.geometry.walls import deepest_overlap, half_sizes
 from billiards_env.physics.motion import Path, place_after, relative_to
 from billiards_env.physics.state import X, Y, Z
 from billiards_env.scene import CONTACT_GAP
@@ -85,24 +85,21 @@ class Noses(NamedTuple):
     height: float
 
 
-def nose_arrays(outline: Any, radius: float, numbers: Any, pockets: Sequence[Sequence[float]]) -> Noses:
+def nose_arrays(outline: Outline, radius: float, numbers: Any, pockets: Sequence[Sequence[float]]) -> Noses:
     """Returns the `Noses` for balls of a radius, m.
 
     Args:
-        outline: The `Outline`; None for a rectangle.
+        outline: The `Outline`.
         radius: m.
         numbers: The `Numbers`.
         pockets: (p, 3) x, y and radius of the circles of the pockets, m.
     """
     sin = numbers.cushion_height / radius - 1.0
     inset = radius * (1.0 - math.sqrt(1.0 - sin * sin))
-    if outline is None:
-        x, y = numbers.half_length, numbers.half_width
-        lines = [(side * x, 0.0, 0.0, 1.0, side, 0.0, y - inset) for side in (-1.0, 1.0)]
-        lines += [(0.0, side * y, 1.0, 0.0, 0.0, side, x - inset) for side in (-1.0, 1.0)]
-        tips = []
-    else:
-        lines, tips = outline.lines.tolist(), outline.tips.tolist()
+    lines, tips = outline.lines.tolist(), outline.tips.tolist()
+    for line in lines:
+        if line[HALF_LINE] == math.inf:  # a side of a rectangle, whose noses end where they meet
+            line[HALF_LINE] = outline.box[X if line[TX] else Y] - inset
     cut = [_line_noses(row, inset, pockets) for row in lines] + [_tip_noses(row, inset, pockets) for row in tips]
     parts = [(*part, wall) for wall, (nose, _) in enumerate(cut) for part in nose]
     ends = [(*end, wall) for wall, (_, points) in enumerate(cut) for end in points]
@@ -254,7 +251,7 @@ def nose_time(path, rise, radius, end, noise, noses, g):
         if t < first:
             first, wall, end = t, int(line[WALL]), t
     for tip in noses.tips:
-        from_tip, q, _ = tip_circle(path, tip, 0.0)
+        from_tip, q = tip_circle(path, tip, 0.0)
         if not misses_circle(from_tip, swept, q + radius):
             t = _tip_time(from_tip, rise, radius, end, noise, tip, g)
             if t < first:
@@ -281,7 +278,7 @@ def edge_time(path, end, noses):
         if t < first and is_beside(line, *place_after(path, t)):
             first, wall = t, int(line[WALL])
     for tip in noses.tips:
-        from_tip, q, _ = tip_circle(path, tip, 0.0)
+        from_tip, q = tip_circle(path, tip, 0.0)
         t = circle_time(from_tip, q, end, 0.0)
         if t < first and faces(tip, *place_after(path, t)):
             first, wall = t, int(tip[WALL])
@@ -291,7 +288,7 @@ def edge_time(path, end, noses):
 @inlined
 def is_beyond_noses(x, y, scene):
     """Returns whether a point is farther out than the lines of the noses, which go on through the pockets."""
-    return deepest_overlap(x, y, scene.flight.inset, scene.numbers, scene.outline) >= 0
+    return scene.walls.deepest_overlap(x, y, scene.flight.inset, scene) >= 0
 
 
 @inlined
@@ -309,10 +306,10 @@ def pocket_below(x, y, radius, scene):
 
     A ball that overlaps a cushion has come down in the mouth of a pocket, where there is no nose.
     """
-    pocket, (half_x, half_y) = pocket_at(scene.pockets, x, y, 1.0), half_sizes(scene.numbers, scene.outline)
-    if pocket >= 0 or (abs(x) <= half_x - radius and abs(y) <= half_y - radius):
+    pocket, box = pocket_at(scene.pockets, x, y, 1.0), scene.outline.box
+    if pocket >= 0 or (abs(x) <= box[X] - radius and abs(y) <= box[Y] - radius):
         return pocket
-    if deepest_overlap(x, y, radius, scene.numbers, scene.outline) < 0:
+    if scene.walls.deepest_overlap(x, y, radius, scene) < 0:
         return -1
     nearest = math.inf
     for k in range(len(scene.pockets)):

@@ -1,18 +1,12 @@
-"""The pieces of the outline of a table: straight cushions and tips, the arcs at their ends.
+"""The cushions of an outline: straight cushions and tips, the arcs at their ends. See `walls.Walls`.
 
-The straight cushions come first and then the tips, both in the order of `billiards_env.scene.outline.pieces`.
-
-A ball touches a straight cushion if its centre is at the distance R from it and the point nearest to the centre lies
-between the ends of the cushion. It touches a tip of radius r if the centres are R + r apart and the arc is the nearest
-part of the tip's circle. An arc and the cushions at its ends have common tangents, and pieces are longer by `JOINT` at
-each end, so no path passes between them.
+Their order is that of `billiards_env.scene.outline.pieces`. An arc and the cushions at its ends have common tangents.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,83 +20,36 @@ from billiards_env.physics.geometry.contact import (
     misses_circle,
     sweep,
 )
-from billiards_env.physics.motion import place_after, relative_to
+from billiards_env.physics.geometry.walls import (
+    BEGIN_TX,
+    BEGIN_TY,
+    END_TX,
+    END_TY,
+    HALF_LINE,
+    JOINT,
+    LINE_X,
+    LINE_Y,
+    NX,
+    NY,
+    RAIL_FROM,
+    RAIL_LINE,
+    RAIL_SIDE,
+    RAIL_TO,
+    TIP_RADIUS,
+    TIP_X,
+    TIP_Y,
+    TX,
+    TY,
+    Outline,
+    Walls,
+    exit_time,
+    faces,
+    tip_circle,
+)
+from billiards_env.physics.motion import path_of, place_after
 from billiards_env.physics.state import X, Y
 from billiards_env.scene import CONTACT_GAP
 from billiards_env.scene.outline import Corner, Line, Tip, pieces
-
-JOINT = 1e-10
-"""m. A piece of an outline is longer by this at each end. It is far more than the rounding of the ends. A straight
-cushion that ends at a sharp corner then extends beyond the path of a ball's centre by JOINT^2 / (2 R) < 1e-16 m."""
-
-# Columns of `Outline.lines`.
-LINE_X, LINE_Y = 0, 1  # the middle, m; a mirrored cushion has the mirrored middle
-TX, TY = 2, 3  # unit tangent
-NX, NY = 4, 5  # unit normal, from the table into the cushion
-HALF_LINE = 6  # half the length, m; negative if it is so short that the arcs at its ends meet
-
-# Columns of `Outline.tips`.
-TIP_X, TIP_Y, TIP_RADIUS = 0, 1, 2  # m
-BEGIN_TX, BEGIN_TY, END_TX, END_TY = 3, 4, 5, 6  # unit tangents at the beginning and at the end
-
-# Columns of `Outline.rails`.
-RAIL_SIDE, RAIL_FROM, RAIL_TO, RAIL_LINE = 0, 1, 2, 3
-
-# Entries of `Outline.box`.
-BOX_X, BOX_Y = 0, 1
-
-
-class Outline(NamedTuple):
-    """The cushions of a table that is not a plain rectangle.
-
-    Attributes:
-        lines: (k, 7) float64, the straight cushions, see the columns above.
-        tips: (m, 7) float64, the arcs, see the columns above.
-        box: (2,) float64, m: no cushion reaches into the rectangle abs(x) < box[0], abs(y) < box[1].
-        rails: (j, 4) float64, the straight cushions on the sides of this rectangle: the side, 0 to 3 for -x, +x, -y,
-            +y, the smallest and the largest coordinate along it, m, and the row of `lines`.
-        mouths: (p, 2) int64, for each pocket the tips to the right and to the left of its mouth, as seen from the
-            centre of the table; -1 for none.
-        ends: (2 k, 2) float64, m, the ends of the straight cushions in their order: a polygon that has chords instead
-            of arcs.
-    """
-
-    lines: Any
-    tips: Any
-    box: Any
-    rails: Any
-    mouths: Any
-    ends: Any
-
-
-class Circle(NamedTuple):
-    """A circle that the centre of a ball may enter.
-
-    Attributes:
-        path: The `Path` of the ball relative to its centre.
-        reach: Its radius, m.
-        tip: The row of `Outline.tips`; None for a ball or a pocket.
-    """
-
-    path: Any
-    reach: Any
-    tip: Any
-
-
-class Side(NamedTuple):
-    """A straight cushion.
-
-    Attributes:
-        nx: Unit normal into the cushion along x.
-        ny: The same along y.
-        room: Largest coordinate of the ball along the normal, m.
-        line: The row of `Outline.lines`; None for a side of a rectangle.
-    """
-
-    nx: Any
-    ny: Any
-    room: Any
-    line: Any
 
 
 def outline_arrays(
@@ -180,14 +127,15 @@ def _tip_reaches_into(tip: Tip, half_length: float, half_width: float) -> bool:
 
 
 @inlined
-def outline_time(path, radius, end, leaves, side, outline):
-    """Returns the time at which a ball next touches a piece of an outline, s, and the number of the piece.
+def time(path, radius, end, scene):
+    """Implements `Walls.time`.
 
-    The path leaves the outline's box, less the radius, at the time `leaves` through a side.
-
-    A ball in the box touches no cushion before it leaves the box. If it leaves it at a rail, it touches the rail.
+    A ball in the outline's box touches no cushion before it leaves the box. If it leaves it at a rail, it touches the
+    rail.
     """
-    room_x, room_y = outline.box[BOX_X] - radius, outline.box[BOX_Y] - radius
+    outline = scene.outline
+    room_x, room_y = outline.box[X] - radius, outline.box[Y] - radius
+    leaves, side = exit_time(path, room_x, room_y, end)
     if abs(path.x) <= room_x + CONTACT_GAP and abs(path.y) <= room_y + CONTACT_GAP:
         if leaves == math.inf:
             return math.inf, -1
@@ -216,7 +164,7 @@ def any_wall_time(path, radius, end, outline):
             first, number, end = t, k, t
     swept, noise = sweep(path, end), IMPULSE_ROUNDING * norm(path.vx, path.vy)
     for k in range(len(tips)):
-        from_tip, reach, _ = tip_circle(path, tips[k], radius)
+        from_tip, reach = tip_circle(path, tips[k], radius)
         if misses_circle(from_tip, swept, reach):
             continue
         t = circle_time(from_tip, reach, end, noise)
@@ -226,41 +174,6 @@ def any_wall_time(path, radius, end, outline):
         if faces(tips[k], x, y):
             first, number = t, len(lines) + k
     return first, number
-
-
-@inlined
-def faces(tip, x, y):
-    """Returns whether the arc of a tip is the part of its circle that is nearest to a point."""
-    dx, dy = x - tip[TIP_X], y - tip[TIP_Y]
-    return dx * tip[BEGIN_TX] + dy * tip[BEGIN_TY] >= -JOINT and dx * tip[END_TX] + dy * tip[END_TY] <= JOINT
-
-
-@inlined
-def tip_circle(path, tip, radius):
-    """Returns the `Circle` of a tip for a ball with a `Path` and a radius, m."""
-    return Circle(relative_to(path, tip[TIP_X], tip[TIP_Y]), tip[TIP_RADIUS] + radius, tip)
-
-
-@inlined
-def is_on_arc(tip, x, y):
-    """Returns whether the arc of a tip is the part of its circle that is nearest to (x, y), relative to its centre."""
-    if tip is None:
-        return True
-    return faces(tip, tip[TIP_X] + x, tip[TIP_Y] + y)
-
-
-@inlined
-def line_side(line, radius):
-    """Returns the `Side` of a row of `Outline.lines` for a ball with a radius, m."""
-    return Side(line[NX], line[NY], line[NX] * line[LINE_X] + line[NY] * line[LINE_Y] - radius, line)
-
-
-@inlined
-def is_beside(line, x, y):
-    """Returns whether the point of a straight cushion that is nearest to a ball lies between its ends."""
-    if line is None:
-        return True
-    return abs(line[TX] * (x - line[LINE_X]) + line[TY] * (y - line[LINE_Y])) <= line[HALF_LINE] + JOINT
 
 
 @inlined
@@ -291,8 +204,14 @@ def _segment_time(path, radius, end, line):
     return t
 
 
+@inlined
+def normal(x, y, wall, scene):
+    """Implements `Walls.normal`."""
+    return piece_normal(x, y, wall, scene.outline)
+
+
 @kernel
-def outline_normal(x, y, wall, outline):
+def piece_normal(x, y, wall, outline):
     """Returns the unit normal of a piece of an outline at a ball at (x, y), m, which points into the cushion."""
     lines, tips = outline.lines, outline.tips
     if wall < len(lines):
@@ -306,19 +225,47 @@ def outline_normal(x, y, wall, outline):
 
 
 @inlined
-def walls_around(path, dx, dy, wall, radius, outline):
+def met(state, i, wall, scene):
+    """Implements `Walls.met`."""
+    outline, radius = scene.outline, scene.radius[i]
+    past_x = abs(state.rows[i, X]) - (outline.box[X] - radius)
+    past_y = abs(state.rows[i, Y]) - (outline.box[Y] - radius)
+    if min(past_x, past_y) < -CONTACT_GAP and max(past_x, past_y) <= CONTACT_GAP:  # at one side of the box
+        return wall, -1
+    return _met_anywhere(path_of(state, i), wall, radius, outline)
+
+
+@kernel
+def _met_anywhere(path, wall, radius, outline):
+    """Implements `met` for a ball at any place."""
+    x, y, vx, vy, ax, ay = path
+    if not _touches_another(x, y, wall, radius, outline):
+        return wall, -1
+    one, two = _walls_around(path, vx, vy, wall, radius, outline)
+    if one < 0:
+        one, two = _walls_around(path, ax, ay, wall, radius, outline)
+    if two < 0:
+        return (wall if one < 0 else one), -1
+    (nx, ny), (mx, my) = piece_normal(x, y, one, outline), piece_normal(x, y, two, outline)
+    if (abs(nx), nx * vx + ny * vy, two) > (abs(mx), mx * vx + my * vy, one):
+        return one, two
+    return two, one
+
+
+@inlined
+def _walls_around(path, dx, dy, wall, radius, outline):
     """Returns the cushions with the normals on both sides of the direction (dx, dy), or one and -1, or -1 and -1.
 
     The ball must touch them and not leave them. `wall` counts as one that it touches.
     """
     x, y, vx, vy, _, _ = path
-    mx, my = outline_normal(x, y, wall, outline)
+    mx, my = piece_normal(x, y, wall, outline)
     still, noise = IMPULSE_ROUNDING * norm(vx, vy), IMPULSE_ROUNDING * norm(dx, dy)
     left, right, left_ahead, right_ahead = -1, -1, noise, noise
     for k in range(len(outline.lines) + len(outline.tips)):
         if k != wall and not _touches(x, y, k, radius, outline):
             continue
-        nx, ny = outline_normal(x, y, k, outline)
+        nx, ny = piece_normal(x, y, k, outline)
         if k != wall and radius * norm(nx - mx, ny - my) <= JOINT:  # the ends of two pieces touch it at one point
             continue
         ahead, side = nx * dx + ny * dy, dx * ny - dy * nx
@@ -347,7 +294,7 @@ def _touches(x, y, wall, radius, outline):
 
 
 @inlined
-def touches_another(x, y, wall, radius, outline):
+def _touches_another(x, y, wall, radius, outline):
     """Returns whether a ball that touches `wall` touches another piece of an outline."""
     touches = False
     for k in range(len(outline.lines) + len(outline.tips)):
@@ -355,26 +302,32 @@ def touches_another(x, y, wall, radius, outline):
     return touches
 
 
-@kernel
-def centrifugal(vx, vy, nx, ny, wall, radius, outline):
-    """Returns the acceleration at which a ball that moves along a tip leaves it, m/s^2; 0 at a straight cushion."""
-    lines, tips = outline.lines, outline.tips
-    if wall < len(lines):
-        return 0.0
-    around = nx * vy - ny * vx
-    return around * around / (radius + tips[wall - len(lines), TIP_RADIUS])
+@inlined
+def overlap(x, y, radius, wall, scene):
+    """Implements `Walls.overlap`.
+
+    A ball overlaps a cushion if its centre is nearer than its radius to the cushion, or outside the outline. If it is
+    outside, it overlaps the nearest cushion only, at whatever depth.
+    """
+    return _piece_overlap(x, y, radius, wall, _distance_outside(x, y, scene.outline), scene.outline)
+
+
+@inlined
+def next_overlap(x, y, vx, vy, radius, turn, scene):
+    """Implements `Walls.next_overlap`: each of three calls returns the next cushion that the ball does not leave."""
+    return _next_piece(x, y, vx, vy, radius, scene.outline) if turn < 3 else -1
 
 
 @kernel
-def next_piece(x, y, vx, vy, radius, outline):
+def _next_piece(x, y, vx, vy, radius, outline):
     """Returns the next piece of an outline that a ball overlaps and does not leave, or -1.
 
     Of several cushions the one whose normal is nearest to the x axis comes first, then the deepest overlap.
     """
-    outside = distance_outside(x, y, outline)
+    outside = _distance_outside(x, y, outline)
     first, widest, deepest = -1, -1.0, 0.0
     for wall in range(len(outline.lines) + len(outline.tips)):
-        beyond, nx, ny = piece_overlap(x, y, radius, wall, outside, outline)
+        beyond, nx, ny = _piece_overlap(x, y, radius, wall, outside, outline)
         if beyond <= 0.0 or nx * vx + ny * vy < 0.0:
             continue
         if abs(nx) > widest or (abs(nx) == widest and beyond > deepest):
@@ -383,10 +336,10 @@ def next_piece(x, y, vx, vy, radius, outline):
 
 
 @kernel
-def distance_outside(x, y, outline):
+def _distance_outside(x, y, outline):
     """Returns the distance of a point outside the outline from it, m; 0 for a point inside the polygon `ends`.
 
-    The area between an arc and its chord belongs to the polygon, but `piece_overlap` does not need its distance.
+    The area between an arc and its chord belongs to the polygon, but `_piece_overlap` does not need its distance.
     """
     ends, inside = outline.ends, False
     x0, y0 = ends[-1, X], ends[-1, Y]
@@ -416,10 +369,10 @@ def _line_distance(x, y, line):
 
 
 @kernel
-def piece_overlap(x, y, radius, wall, outside, outline):
+def _piece_overlap(x, y, radius, wall, outside, outline):
     """Returns how far a ball, whose centre is `outside` (m) beyond the outline, overlaps a piece, m, and the normal."""
     lines, tips = outline.lines, outline.tips
-    nx, ny = outline_normal(x, y, wall, outline)
+    nx, ny = piece_normal(x, y, wall, outline)
     if wall < len(lines):
         line = lines[wall]
         dx, dy = x - line[LINE_X], y - line[LINE_Y]
@@ -435,11 +388,38 @@ def piece_overlap(x, y, radius, wall, outside, outline):
     return (tip[TIP_RADIUS] + radius - distance if hits else 0.0), nx, ny
 
 
+@inlined
+def deepest_overlap(x, y, radius, scene):
+    """Implements `Walls.deepest_overlap`."""
+    return _deepest_piece(x, y, radius, scene.outline)
+
+
 @kernel
-def back_to_piece(x, y, radius, wall, outline):
+def _deepest_piece(x, y, radius, outline):
+    """Implements `deepest_overlap`.
+
+    If the centre is within `CONTACT_GAP` of an outline, rounding decides on which side it is, so both sides count.
+    """
+    deepest, cushion, outside = CONTACT_GAP, -1, _distance_outside(x, y, outline)
+    for wall in range(len(outline.lines) + len(outline.tips)):
+        for side in (outside if outside > CONTACT_GAP else 0.0, max(outside, CONTACT_GAP)):
+            beyond, _, _ = _piece_overlap(x, y, radius, wall, side, outline)
+            if beyond > deepest:
+                deepest, cushion = beyond, wall
+    return cushion
+
+
+@inlined
+def back_to(x, y, radius, wall, scene):
+    """Implements `Walls.back_to`."""
+    return _back_to_piece(x, y, radius, wall, scene.outline)
+
+
+@kernel
+def _back_to_piece(x, y, radius, wall, outline):
     """Returns the position at which a ball that overlaps a piece, at (x, y), touches its nearest point."""
     lines, tips = outline.lines, outline.tips
-    nx, ny = outline_normal(x, y, wall, outline)
+    nx, ny = piece_normal(x, y, wall, outline)
     if wall < len(lines):
         line = lines[wall]
         foot = line[TX] * (x - line[LINE_X]) + line[TY] * (y - line[LINE_Y])
@@ -448,3 +428,6 @@ def back_to_piece(x, y, radius, wall, outline):
     tip = tips[wall - len(lines)]
     reach = tip[TIP_RADIUS] + radius
     return tip[TIP_X] - reach * nx, tip[TIP_Y] - reach * ny
+
+
+OUTLINE = Walls(time, normal, met, overlap, next_overlap, deepest_overlap, back_to)

@@ -1,50 +1,134 @@
-"""The cushions of a table: the times at which a ball touches them, and their normals.
+"""The cushions of a table: their kernels, their data, and what is common to all tables.
 
-A table without an outline is a rectangle with cushions 0 to 3: -x, +x, -y, +y. For the cushions of an outline, see
-`outline_walls`. The type of the outline decides at compile time which code is compiled.
+`Walls` describes the kernels. `rectangle` contains those of a rectangle and `outline_walls` those of any outline, with
+the same names. A scene has the kernels of one of them, so numba compiles only these.
 
 If a ball touches several cushions at one instant, at most two of them act: of those on the left of its direction of
-motion the one whose normal is nearest to this direction, and the same on the right (see `walls_met`).
+motion the one whose normal is nearest to this direction, and the same on the right (see `Walls.met`).
+
+A ball touches a straight cushion if its centre is at the distance R from it and the point nearest to the centre lies
+between the ends of the cushion. It touches a tip of radius r, the arc at the end of a cushion, if the centres are R + r
+apart and the arc is the nearest part of the tip's circle.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
-from billiards_env.jit import inlined, kernel
+from billiards_env.jit import inlined
 from billiards_env.physics.geometry.contact import MARGIN, line_time
-from billiards_env.physics.geometry.outline_walls import (
-    BEGIN_TX,
-    BEGIN_TY,
-    BOX_X,
-    BOX_Y,
-    END_TX,
-    END_TY,
-    HALF_LINE,
-    JOINT,
-    LINE_X,
-    LINE_Y,
-    NX,
-    NY,
-    TIP_RADIUS,
-    TIP_X,
-    TIP_Y,
-    TX,
-    TY,
-    Side,
-    back_to_piece,
-    centrifugal,
-    distance_outside,
-    next_piece,
-    outline_normal,
-    outline_time,
-    piece_overlap,
-    touches_another,
-    walls_around,
-)
-from billiards_env.physics.motion import path_of
-from billiards_env.physics.state import AX, AY, VX, VY, X, Y
-from billiards_env.scene import CONTACT_GAP
+from billiards_env.physics.motion import relative_to
+from billiards_env.physics.state import AX, AY, VX, VY
+
+JOINT = 1e-10
+"""m. A piece of an outline is longer by this at each end, so no path passes between two pieces. It is far more than the
+rounding of the ends. A straight cushion that ends at a sharp corner then extends beyond the path of a ball's centre by
+JOINT^2 / (2 R) < 1e-16 m."""
+
+TURNS = 6
+"""The number of calls of `Walls.next_overlap` for one ball."""
+
+# Columns of `Outline.lines`.
+LINE_X, LINE_Y = 0, 1  # the middle, m; a mirrored cushion has the mirrored middle
+TX, TY = 2, 3  # unit tangent
+NX, NY = 4, 5  # unit normal, from the table into the cushion
+HALF_LINE = 6  # half the length, m; negative if it is so short that the arcs at its ends meet
+
+# Columns of `Outline.tips`.
+TIP_X, TIP_Y, TIP_RADIUS = 0, 1, 2  # m
+BEGIN_TX, BEGIN_TY, END_TX, END_TY = 3, 4, 5, 6  # unit tangents at the beginning and at the end
+
+# Columns of `Outline.rails`.
+RAIL_SIDE, RAIL_FROM, RAIL_TO, RAIL_LINE = 0, 1, 2, 3
+
+
+class Walls(NamedTuple):
+    """The kernels of the cushions of a table.
+
+    They change none of their arguments. The cushions have the numbers of the rows of `Outline.lines`, and then of
+    `Outline.tips`. Normals are unit vectors from the table into the cushion. (x, y) is the centre of a ball, m,
+    `radius` its radius, m, and `scene` the `SceneArrays`.
+
+    Attributes:
+        time: (path, radius, end, scene). Returns the time at which a ball with a `Path` next touches a cushion, s, and
+            the number of the cushion. The time is infinite if the ball touches none until `end`, s.
+        normal: (x, y, wall, scene). Returns the normal (nx, ny) of a cushion at a ball.
+        met: (state, i, wall, scene). Returns the numbers of the cushions that act on ball i of a `State`, which touches
+            `wall` and perhaps others at this instant; the second is -1 if one acts. A ball touches a cushion that is
+            nearer than `CONTACT_GAP`, as two balls touch. The normals of two cushions that act are the nearest on both
+            sides of the direction of motion. If this direction is not between two normals, the nearest acts alone,
+            because its impulse takes the ball away from the others too. If the ball approaches no cushion, the
+            direction is that of its acceleration, which presses it against them. The first of two is the one whose
+            normal is nearer to the x axis; if both are as near, the one that the ball approaches faster, or else the
+            one with the lower number.
+        overlap: (x, y, radius, wall, scene). Returns (beyond, nx, ny): the distance by which a ball is beyond a
+            cushion, m, and the normal. The distance is not positive if the ball does not overlap the cushion.
+        next_overlap: (x, y, vx, vy, radius, turn, scene). Returns the number of a cushion that a ball with the
+            velocity (vx, vy), m/s, overlaps, or -1. `turn` is the number of the call, from 0 to `TURNS` - 1.
+        deepest_overlap: (x, y, radius, scene). Returns the number of the cushion that a ball is farthest beyond, or -1
+            if it is beyond none by more than `CONTACT_GAP`.
+        back_to: (x, y, radius, wall, scene). Returns the position at which a ball that overlaps a cushion touches the
+            nearest point of the cushion.
+    """
+
+    time: Any
+    normal: Any
+    met: Any
+    overlap: Any
+    next_overlap: Any
+    deepest_overlap: Any
+    back_to: Any
+
+
+class Outline(NamedTuple):
+    """The cushions of a table as lines and arcs.
+
+    Attributes:
+        lines: (k, 7) float64, the straight cushions, see the columns above. Those of a rectangle are -x, +x, -y, +y.
+            Their length is infinite, because balls inside the rectangle do not reach their ends.
+        tips: (m, 7) float64, the arcs, see the columns above.
+        box: (2,) float64, m: no cushion reaches into the rectangle abs(x) < box[0], abs(y) < box[1].
+        rails: (j, 4) float64, the straight cushions on the sides of this rectangle: the side, 0 to 3 for -x, +x, -y,
+            +y, the smallest and the largest coordinate along it, m, and the row of `lines`.
+        mouths: (p, 2) int64, for each pocket the tips to the right and to the left of its mouth, as seen from the
+            centre of the table; -1 for none.
+        ends: (2 k, 2) float64, m, the ends of the straight cushions in their order: a polygon that has chords instead
+            of arcs.
+    """
+
+    lines: Any
+    tips: Any
+    box: Any
+    rails: Any
+    mouths: Any
+    ends: Any
+
+
+class Circle(NamedTuple):
+    """A circle that the centre of a ball may enter.
+
+    Attributes:
+        path: The `Path` of the ball relative to its centre.
+        reach: Its radius, m.
+    """
+
+    path: Any
+    reach: Any
+
+
+class Side(NamedTuple):
+    """A straight cushion.
+
+    Attributes:
+        nx: Unit normal into the cushion along x.
+        ny: The same along y.
+        room: Largest coordinate of the ball along the normal, m.
+    """
+
+    nx: Any
+    ny: Any
+    room: Any
 
 
 @inlined
@@ -57,35 +141,6 @@ def stays_within(x, v, a, end, room):
     half = x + 0.5 * end * v
     last = x + end * (v + 0.5 * end * a)
     return abs(x) < room and abs(half) < room and abs(last) < room
-
-
-@inlined
-def half_sizes(numbers, outline):
-    """Returns half the sides of the rectangle that no cushion reaches into, m."""
-    if outline is None:
-        return numbers.half_length, numbers.half_width
-    return outline.box[BOX_X], outline.box[BOX_Y]
-
-
-@inlined
-def wall_time(path, radius, end, numbers, outline):
-    """Returns the time at which a ball next touches a cushion, s, and the number of the cushion.
-
-    Args:
-        path: The `Path` of the ball's centre.
-        radius: m.
-        end: End of the interval, s.
-        numbers: The `Numbers`.
-        outline: The `Outline`; None for a rectangle.
-
-    Returns:
-        (time, number); the time is infinite if the ball touches no cushion until `end`.
-    """
-    half_length, half_width = half_sizes(numbers, outline)
-    first, side = exit_time(path, half_length - radius, half_width - radius, end)
-    if outline is None:
-        return first, side
-    return outline_time(path, radius, end, first, side, outline)
 
 
 @inlined
@@ -116,17 +171,51 @@ def _side_time(x, v, a, end, room):
 
 
 @inlined
-def rectangle_side(wall, radius, numbers):
-    """Returns the `Side` of a cushion of a rectangle for a ball with a radius, m."""
-    nx, ny = normal_at(0.0, 0.0, wall, None)
-    return Side(nx, ny, (numbers.half_length if wall < 2 else numbers.half_width) - radius, None)
+def faces(tip, x, y):
+    """Returns whether the arc of a tip is the part of its circle that is nearest to a point."""
+    dx, dy = x - tip[TIP_X], y - tip[TIP_Y]
+    return dx * tip[BEGIN_TX] + dy * tip[BEGIN_TY] >= -JOINT and dx * tip[END_TX] + dy * tip[END_TY] <= JOINT
 
 
 @inlined
-def is_at_joint(outline, wall, x, y, gap):
+def tip_circle(path, tip, radius):
+    """Returns the `Circle` of a row of `Outline.tips` for a ball with a `Path` and a radius, m."""
+    return Circle(relative_to(path, tip[TIP_X], tip[TIP_Y]), tip[TIP_RADIUS] + radius)
+
+
+@inlined
+def is_on_arc(tip, x, y):
+    """Returns whether the arc of a tip is the part of its circle that is nearest to (x, y), relative to its centre."""
+    return faces(tip, tip[TIP_X] + x, tip[TIP_Y] + y)
+
+
+@inlined
+def line_side(line, radius):
+    """Returns the `Side` of a row of `Outline.lines` for a ball with a radius, m."""
+    return Side(line[NX], line[NY], line[NX] * line[LINE_X] + line[NY] * line[LINE_Y] - radius)
+
+
+@inlined
+def is_beside(line, x, y):
+    """Returns whether the point of a straight cushion that is nearest to a ball lies between its ends."""
+    return abs(line[TX] * (x - line[LINE_X]) + line[TY] * (y - line[LINE_Y])) <= line[HALF_LINE] + JOINT
+
+
+@inlined
+def centres_at(wall, radius, outline):
+    """Returns the circle on which the centres of balls that touch a cushion lie: x, y and its radius, m.
+
+    The radius is infinite for a straight cushion; x and y are 0 then.
+    """
+    k = wall - len(outline.lines)
+    if k < 0:
+        return 0.0, 0.0, math.inf
+    return outline.tips[k, TIP_X], outline.tips[k, TIP_Y], outline.tips[k, TIP_RADIUS] + radius
+
+
+@inlined
+def is_at_joint(wall, x, y, gap, outline):
     """Returns whether a ball at (x, y) touches a cushion where its curvature changes, up to a gap, m."""
-    if outline is None:
-        return False
     near = 2.0 * JOINT + gap
     if wall < len(outline.lines):
         line = outline.lines[wall]
@@ -137,181 +226,14 @@ def is_at_joint(outline, wall, x, y, gap):
 
 
 @inlined
-def normal_at(x, y, wall, outline):
-    """Returns the unit normal of a cushion at a ball at (x, y), m, which points into the cushion."""
-    if outline is None:
-        sign = 1.0 if wall % 2 else -1.0
-        return (sign, 0.0) if wall < 2 else (0.0, sign)
-    return outline_normal(x, y, wall, outline)
+def wall_pressing(state, i, nx, ny, wall, scene):
+    """Returns the acceleration of ball i towards a cushion with the normal (nx, ny), m/s^2.
 
-
-@inlined
-def wall_normal(state, i, wall, outline):
-    """Returns the unit normal of a cushion at ball i, which points into the cushion."""
-    return normal_at(state.rows[i, X], state.rows[i, Y], wall, outline)
-
-
-@inlined
-def curvature_at(wall, radius, outline):
-    """Returns the curvature of the line of the centres of balls that touch a cushion, 1/m; 0 for a straight one."""
-    if outline is None:
-        return 0.0
-    tip = wall - len(outline.lines)
-    return 0.0 if tip < 0 else 1.0 / (radius + outline.tips[tip, TIP_RADIUS])
-
-
-@inlined
-def walls_met(state, i, wall, radius, numbers, outline):
-    """Returns the cushions that act on ball i, which touches `wall` and perhaps others at this instant.
-
-    A ball touches a cushion that is nearer than `CONTACT_GAP`, as two balls touch. The normals of two cushions that act
-    are the nearest on both sides of the direction of motion. If this direction is not between two normals, the nearest
-    acts alone, because its impulse takes the ball away from the others too. If the ball approaches no cushion, the
-    direction is that of its acceleration, which presses it against them.
-
-    Args:
-        state: The `State`.
-        i: The ball.
-        wall: The number of a cushion that it touches.
-        radius: m.
-        numbers: The `Numbers`.
-        outline: The `Outline`; None for a rectangle.
-
-    Returns:
-        The numbers of two cushions; the second is -1 if one acts. The first is the one whose normal is nearer to
-        the x axis; if both are as near, the one that the ball approaches faster, or else the one with the lower number.
+    A ball that moves along an arc leaves it at the centrifugal acceleration.
     """
-    half_length, half_width = half_sizes(numbers, outline)
-    past_x = abs(state.rows[i, X]) - (half_length - radius)
-    past_y = abs(state.rows[i, Y]) - (half_width - radius)
-    at_one_side = min(past_x, past_y) < -CONTACT_GAP and max(past_x, past_y) <= CONTACT_GAP
-    if at_one_side or (outline is None and min(past_x, past_y) < -CONTACT_GAP):
-        return wall, -1
-    return _walls_met(path_of(state, i), wall, radius, outline)
-
-
-@kernel
-def _walls_met(path, wall, radius, outline):
-    """Returns the cushions that act on a ball in a corner of a rectangle, or at any place of an outline."""
-    x, y, vx, vy, ax, ay = path
-    if outline is None:
-        return _sides_met(path, wall)
-    if not touches_another(x, y, wall, radius, outline):
-        return wall, -1
-    one, two = walls_around(path, vx, vy, wall, radius, outline)
-    if one < 0:
-        one, two = walls_around(path, ax, ay, wall, radius, outline)
-    if two < 0:
-        return (wall if one < 0 else one), -1
-    (nx, ny), (mx, my) = outline_normal(x, y, one, outline), outline_normal(x, y, two, outline)
-    if (abs(nx), nx * vx + ny * vy, two) > (abs(mx), mx * vx + my * vy, one):
-        return one, two
-    return two, one
-
-
-@inlined
-def _sides_met(path, wall):
-    """Returns the cushions that act on a ball in a corner of a rectangle."""
-    x, y, vx, vy, ax, ay = path
-    dx, dy = (vx if vx != 0.0 else ax), (vy if vy != 0.0 else ay)
-    if dx == 0.0 or dy == 0.0 or x * dx < 0.0 or y * dy < 0.0:
-        return wall, -1
-    across, along = (1 if dx > 0.0 else 0), (3 if dy > 0.0 else 2)
-    if (vx == 0.0) == (vy == 0.0):
-        return across, along
-    return (across if vy == 0.0 else along), -1
-
-
-@inlined
-def wall_pressing(state, i, nx, ny, wall, scene_radius, outline):
-    """Returns the acceleration of ball i towards a cushion with the normal (nx, ny), m/s^2."""
     s = state.rows[i]
-    towards = nx * s[AX] + ny * s[AY]
-    if outline is None:
-        return towards
-    return towards - centrifugal(s[VX], s[VY], nx, ny, wall, scene_radius, outline)
-
-
-@inlined
-def is_side(wall, side, outline):
-    """Returns whether a cushion is straight and has the normal of cushion `side` of a rectangle."""
-    if outline is None:
-        return wall == side
-    (nx, ny), lines = normal_at(0.0, 0.0, side, None), outline.lines
-    return wall < len(lines) and lines[wall, NX] == nx and lines[wall, NY] == ny
-
-
-@inlined
-def wall_count(outline):
-    """Returns the number of cushions."""
-    if outline is None:
-        return 4
-    return len(outline.lines) + len(outline.tips)
-
-
-@inlined
-def wall_turns(outline):
-    """Returns the number of calls of `next_overlap` for one ball."""
-    return 6 if outline is None else 3
-
-
-@inlined
-def next_overlap(x, y, vx, vy, radius, turn, numbers, outline):
-    """Returns the number of a cushion that a ball overlaps, or -1.
-
-    A ball overlaps an outline if its centre is nearer than its radius to a cushion, or outside the outline. If it is
-    outside, it overlaps the nearest cushion only, at whatever depth.
-
-    Args:
-        x: Position of the ball along x, m.
-        y: The same along y.
-        vx: Its velocity along x, m/s.
-        vy: The same along y.
-        radius: m.
-        turn: The number of the call, from 0 to `wall_turns`. Each call with a rectangle tests one cushion, those across
-            x twice. Each call with an outline returns the next cushion that the ball does not leave.
-        numbers: The `Numbers`.
-        outline: The `Outline`; None for a rectangle.
-    """
-    if outline is None:
-        return turn % 4 if wall_overlap(x, y, radius, turn % 4, numbers, outline)[0] > 0.0 else -1
-    return next_piece(x, y, vx, vy, radius, outline)
-
-
-@inlined
-def wall_overlap(x, y, radius, wall, numbers, outline):
-    """Returns the distance by which a ball at (x, y) is beyond a cushion, m, and the normal into the cushion.
-
-    The distance is not positive if the ball does not overlap the cushion.
-    """
-    if outline is None:
-        sign = 1.0 if wall % 2 else -1.0
-        if wall < 2:
-            return sign * x - (numbers.half_length - radius), sign, 0.0
-        return sign * y - (numbers.half_width - radius), 0.0, sign
-    return piece_overlap(x, y, radius, wall, distance_outside(x, y, outline), outline)
-
-
-@kernel
-def deepest_overlap(x, y, radius, numbers, outline):
-    """Returns the number of the cushion that a ball is farthest beyond, or -1 if none by more than `CONTACT_GAP`.
-
-    If the centre is within `CONTACT_GAP` of an outline, rounding decides on which side it is, so both sides count.
-    """
-    deepest, cushion = CONTACT_GAP, -1
-    if outline is None:
-        for wall in range(4):
-            beyond, _, _ = wall_overlap(x, y, radius, wall, numbers, outline)
-            if beyond > deepest:
-                deepest, cushion = beyond, wall
-    else:
-        outside = distance_outside(x, y, outline)
-        for wall in range(len(outline.lines) + len(outline.tips)):
-            for side in (outside if outside > CONTACT_GAP else 0.0, max(outside, CONTACT_GAP)):
-                beyond, _, _ = piece_overlap(x, y, radius, wall, side, outline)
-                if beyond > deepest:
-                    deepest, cushion = beyond, wall
-    return cushion
+    around = nx * s[VY] - ny * s[VX]
+    return nx * s[AX] + ny * s[AY] - around * around / centres_at(wall, scene.radius[i], scene.outline)[2]
 
 
 @inlined
@@ -324,22 +246,11 @@ def overlap_time(path, radius, wall, beyond, speed, outline):
         wall: The number of the cushion.
         beyond: Distance beyond the cushion, m.
         speed: Speed into the cushion, > 0, m/s.
-        outline: The `Outline`; None for a rectangle.
+        outline: The `Outline`.
     """
-    if outline is None or wall < len(outline.lines):
+    x, y, reach = centres_at(wall, radius, outline)
+    if reach == math.inf:
         return beyond / speed
-    tip = outline.tips[wall - len(outline.lines)]
-    dx, dy, reach = tip[TIP_X] - path.x, tip[TIP_Y] - path.y, tip[TIP_RADIUS] + radius
+    dx, dy = x - path.x, y - path.y
     dw, vv = (dx * path.vx + dy * path.vy, path.vx * path.vx + path.vy * path.vy)  # |d + v t| t seconds ago
     return (math.sqrt(max(0.0, dw * dw + vv * (reach * reach - (dx * dx + dy * dy)))) - dw) / vv
-
-
-@inlined
-def back_to_wall(x, y, radius, wall, numbers, outline):
-    """Returns the position at which a ball that overlaps a cushion, at (x, y), touches the cushion's nearest point."""
-    if outline is None:
-        sign = 1.0 if wall % 2 else -1.0
-        if wall < 2:
-            return sign * (numbers.half_length - radius), y
-        return x, sign * (numbers.half_width - radius)
-    return back_to_piece(x, y, radius, wall, outline)

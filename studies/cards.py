@@ -1,0 +1,81 @@
+"""The cards of the published policies, which `studies.readme` writes as README.md beside each policy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from agents.config import load
+from benchmarks import ROOT, table
+from billiards_env.bench.frozen import FROZEN, NAMESPACE
+from billiards_env.intervals import as_percent, over_seeds, wilson_interval
+from studies import learning, read_results, timestep
+
+_NUMBERS = (
+    "10 significant bits, for playing only: no training starts from them. The successes are those before rounding"
+)
+_LIMITS = "another table, radius of the balls, action or largest speed is refused"
+
+
+def cards() -> dict[Path, str]:
+    """Returns the text of each card by its path."""
+    texts = {}
+    for name, result in read_results(learning.OUTPUT).items():
+        folder = learning.OUTPUT.parent / "policies" / name
+        texts[folder / "README.md"] = _card(folder, name, *_of_row(result))
+    study = read_results(timestep.OUTPUT)
+    for world in timestep.WORLDS:
+        folder = timestep.policy_folder(timestep.OUTPUT, world)
+        texts[folder / "README.md"] = _card(folder, f"timestep {world}", *_of_world(study, world))
+    return texts
+
+
+def _card(folder: Path, name: str, seconds: float, where: Mapping[str, str], successes: Mapping[str, str]) -> str:
+    config = load(folder / "config.yaml")
+    env, place = config.env, folder.relative_to(ROOT).as_posix()
+    engine = "exact" if env["mode"] == "pic" else f"PIT with a timestep of 1/{1 / env['dt']:.0f} s"
+    policy = "AimPolicy" if config.policy["head"] == "aim" else "MlpPolicy"
+    rows = [
+        ("Task", f"`{NAMESPACE}{config.task}`. {FROZEN[str(config.task)].summary}"),
+        ("Policy", f"`{policy}`, action `{env['action']}`, observes {', '.join(f'`{one}`' for one in env['observe'])}"),
+        ("Training", f"{config.timesteps:,} shots in {seconds:.0f} s of processor time, seed {config.seed}"),
+        ("Learner", f"`{config.learner}`, engine: {engine}"),
+        *((what, text) for what, text in where.items()),
+        *((f"Success in {what}", text) for what, text in successes.items()),
+        ("Weights", _NUMBERS),
+        ("Limits", _LIMITS),
+        ("License", "MIT, as the package"),
+    ]
+    command = f"python -m billiards_env bench policy:{place} --tasks {config.task}"
+    return f"# Policy `{name}`\n\n{table(('', ''), rows, left=2)}\n\n```sh\n{command}\n```\n"
+
+
+def _of_row(result: Mapping[str, Any]) -> tuple[float, dict[str, str], dict[str, str]]:
+    """Returns the seconds of the training of the published policy, its machine, and the successes by task."""
+    first, successes = learning.runs(result)[0], {}
+    for task, played in first["tasks"].items():
+        rates = learning.mean_rates(result, task)
+        interval, what = played["confidence_interval_95"], f"`{task}`"
+        if task.startswith("SumToThree"):
+            interval = [end / FROZEN[task].arguments["max_shots"] for end in played["score_interval_95"]]
+            what += ", single shots"
+        own = as_percent({"mean": rates[0], "interval": interval})
+        successes[what] = f"{own} on {played['episodes']:,} new layouts; {_over(rates)}"
+    versions = ", ".join(f"{name} {first['versions'][name]}" for name in ("python", "torch", "numba"))
+    return first["curve"][-1][1], {"Machine": f"{first['machine']['cpu']}; {versions}"}, successes
+
+
+def _of_world(study: Mapping[str, Any], world: str) -> tuple[float, dict[str, str], dict[str, str]]:
+    """As `_of_row`, for a world of the timestep study."""
+    runs, layouts, successes = list(study["runs"][world].values()), study["settings"]["layouts"], {}
+    own_world = {} if world == "exact" else {"own": "its own world"}
+    for key, what in ({"exact": "exact physics"} | own_world).items():
+        count = runs[0][key]
+        own = as_percent({"mean": count / layouts, "interval": wilson_interval(count, layouts)})
+        successes[what] = f"{own} on {layouts:,} new layouts; {_over([run[key] / layouts for run in runs])}"
+    return runs[0]["seconds"], {}, successes
+
+
+def _over(rates: Sequence[float]) -> str:
+    return f"mean of {len(rates)} seeds {as_percent(over_seeds(rates))}"
