@@ -13,9 +13,22 @@ from typing import Any
 
 from benchmarks import rows_table
 
+LEFT_OUT = {
+    "derivatives.lanes.strike_jacobians": "the derivative of a strike, a closed formula",
+    "engine.shot_input._are_free": "a test of places between the noses, which changes nothing",
+    "envs.actions._aimed": "actions from velocities, which only players need",
+    "envs.actions._perturbed": "the noise that players expect",
+    "envs.goal_observations.write_desired": "copies goals",
+    "games.batch._see_shots": "facts of shots that players try in some games",
+    "games.placement.limits": "the region of a cue ball in hand, for players",
+    "games.transition.call_without_shots": "calls without a shot; the frozen games play them in their own functions",
+    "games.transition.look_at_games": "states that users make",
+}
+"""Functions that Python calls and that no work calls, with the reason."""
+
 
 def blocks(result: dict[str, Any]) -> dict[str, str]:
     """Returns the results as Markdown, by name: `rows`, and `left out`, the functions that no work calls."""
     columns = {"machine": "{machine}", "compared": "{compared}", "other bits": "{other:,}"}
-    left = "\n".join(f"- `{name}`" for name in result["left_out"])
+    left = "\n".join(f"- `{name}`: {LEFT_OUT.get(name, 'no work calls it')}" for name in result["left_out"])
     return {"rows": rows_table(columns, result["rows"], left=2), "left out": left or "Nothing."}

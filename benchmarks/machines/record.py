@@ -8,9 +8,9 @@ The LLVM code of each function is written to `FOLDER/ir` before it is optimised,
 
 from __future__ import annotations
 
+import copy
 import functools
 import gc
-import hashlib
 import json
 import pickle
 import re
@@ -28,106 +28,83 @@ from numba.core.registry import cpu_target
 from billiards_env.jit.compiler import Kernel, _Library
 from billiards_env.jit.decorators import EntryPoint
 
+PACKAGE = "billiards_env."
 TRIPLE = "aarch64-unknown-linux-gnu"
 _COUNTING = re.compile(r"^define linkonce_odr (void @NRT_\w+\(.*?\)).*?^}", re.MULTILINE | re.DOTALL)
 """Functions that count references. LLVM has already made them for the target."""
 
 
-class Value(NamedTuple):
-    """An argument or a result: an array, by the key of its content, or a number or None."""
-
-    content: Any
-    kind: Any = None  # the dtype of an array
-    shape: tuple[int, ...] = ()
-    address: int = 0
-
-
 class Call(NamedTuple):
-    """A call: the function, its arguments as `Value` and tuples, the keys of the arrays after it, and the result.
+    """A call of a compiled function. Equal arrays of all calls are one object; kernels, which have no data, are None.
 
-    The number of a function counts the signatures in the order of their first calls; -1 for a kernel.
+    Attributes:
+        name: The function.
+        number: The number of its machine code, in the order of the first calls; -1 for a kernel.
+        arguments: The arguments, tuples of arrays, numbers and None.
+        addresses: The addresses of the arrays in the arguments.
+        after: The arrays after the call.
+        result: The result.
+        error: The exception.
     """
 
     name: str
     number: int
-    before: Any
-    after: list[bytes]
+    arguments: Any
+    addresses: list[int]
+    after: list[Any]
     result: Any
     error: BaseException | None
 
 
 class Calls:
-    """Calls, and the contents of their arrays by key."""
+    """Recorded calls, and their arrays by content."""
 
     def __init__(self) -> None:
-        self.contents: dict[bytes, bytes] = {}
+        self.arrays: dict[Any, Any] = {}
         self.calls: list[Call] = []
 
-    def key(self, array: Any) -> bytes:
-        """Stores the content of an array and returns its key."""
-        content = np.ascontiguousarray(array).tobytes()
-        key = hashlib.blake2b(content, digest_size=12).digest()
-        self.contents.setdefault(key, content)
-        return key
-
-    def value(self, value: Any) -> Any:
-        """Returns an argument or a result as `Value` and tuples."""
+    def copied(self, value: Any) -> Any:
+        """Returns a copy of an argument or a result."""
         if isinstance(value, np.ndarray):
-            kind = value.dtype.descr if value.dtype.names else value.dtype.str
-            return Value(self.key(value), kind, value.shape, value.ctypes.data)
-        parts = parts_of(value)
-        return Value(value) if parts is None else tuple(map(self.value, parts))
-
-    def python(self, value: Any) -> Any:
-        """Returns the result of a call."""
-        if not isinstance(value, Value):
-            return tuple(map(self.python, value))
-        if value.kind is None:
-            return value.content
-        return np.frombuffer(self.contents[value.content], dtype_of(value)).reshape(value.shape).copy()
+            array = np.ascontiguousarray(value)
+            return self.arrays.setdefault((array.tobytes(), str(array.dtype), array.shape), array.copy())
+        if isinstance(value, (tuple, list)):
+            return tuple(map(self.copied, value))
+        return None if isinstance(value, Kernel) else value
 
     def record(self, name: str, number: int, code: Callable[..., Any], *arguments: Any) -> Any:
         """Calls `code` and stores the call."""
-        before, result, error = self.value(arguments), None, None
+        before, result, error = self.copied(arguments), None, None
+        arrays = [*arrays_of(arguments)]
         try:
             result = code(*arguments)
         except BaseException as raised:
             error = raised
-        after = [self.key(array) for array in arrays_of(arguments)]
-        self.calls.append(Call(name, number, before, after, self.value(result), error))
+        after, addresses = [*map(self.copied, arrays)], [array.ctypes.data for array in arrays]
+        self.calls.append(Call(name, number, before, addresses, after, self.copied(result), error))
         if error is not None:
             raise error
         return result
 
     def answer(self, name: str, number: int, code: Callable[..., Any], *arguments: Any) -> Any:
-        """Changes the arguments and returns the result as the next stored call did."""
+        """Changes the arguments and returns the result as the last stored call did, and forgets this call."""
         call = self.calls.pop()
         assert (call.name, call.number) == (name, number)
-        for array, key in zip(arrays_of(arguments), call.after, strict=True):
+        for array, after in zip(arrays_of(arguments), call.after, strict=True):
             if array.flags.writeable:
-                array[...] = np.frombuffer(self.contents[key], array.dtype).reshape(array.shape)
+                array[...] = after
         if call.error is not None:
             raise call.error
-        return self.python(call.result)
-
-
-def dtype_of(value: Value) -> Any:
-    """Returns the dtype of an array."""
-    return np.dtype([tuple(field) for field in value.kind] if isinstance(value.kind, list) else value.kind)
-
-
-def parts_of(value: Any) -> Any:
-    """Returns the items of a tuple, or None for something else. Kernels have no data."""
-    return value if isinstance(value, (tuple, list)) else None
+        return copy.deepcopy(call.result)
 
 
 def arrays_of(value: Any) -> Iterator[Any]:
     """Yields the arrays in an argument."""
     if isinstance(value, np.ndarray):
         yield value
-    else:
-        for part in parts_of(value) or ():
-            yield from arrays_of(part)
+    elif isinstance(value, (tuple, list)):
+        for item in value:
+            yield from arrays_of(item)
 
 
 def name_of(function: Any) -> str:
@@ -213,14 +190,14 @@ def main(mode: str, folder: Path, names: list[str]) -> None:
         intercept(calls.record, lambda entry, kinds, number: own(entry, kinds))
     else:
         target_aarch64()
-        calls.contents, calls.calls = pickle.loads(path.read_bytes())
-        calls.calls.reverse()
+        calls.calls = pickle.loads(path.read_bytes())[::-1]
         intercept(calls.answer, lambda *one: write_code(folder / "ir", own, *one))
     work.main(folder / f"{mode} results", names)
     if mode == "record":
-        path.write_bytes(pickle.dumps((calls.contents, calls.calls), protocol=4))
+        path.write_bytes(pickle.dumps(calls.calls, protocol=4))
         entries = {name_of(entry) for entry in gc.get_objects() if isinstance(entry, EntryPoint)}
-        print(json.dumps(sorted(entries - {call.name for call in calls.calls})))
+        left = sorted(entries - {call.name for call in calls.calls})
+        print(json.dumps([name[len(PACKAGE) :] for name in left if name.startswith(PACKAGE)]))
 
 
 if __name__ == "__main__":

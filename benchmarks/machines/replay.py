@@ -22,46 +22,38 @@ from typing import Any, NamedTuple
 import llvmlite.binding as llvm
 import numpy as np
 
-from benchmarks.machines.record import Call, Value, dtype_of
+from benchmarks.machines.record import Call, arrays_of
 
 HERE = Path(__file__).resolve().parent
 MASK = 2**64 - 1
 
 
 class Target(NamedTuple):
-    """A processor, as LLVM, the cross compiler and qemu name it.
+    """A processor.
 
     Attributes:
-        gcc: The triple of the cross compiler of Debian.
-        qemu: The name in the program of qemu.
-        triple: The triple of LLVM.
+        gcc: The name of the cross compiler of Debian, without "-gcc".
         cpu: The processor of LLVM.
         options: Other options of the target machine of LLVM.
         big: Whether the byte order is big-endian.
     """
 
     gcc: str
-    qemu: str
-    triple: str
     cpu: str = ""
     options: Mapping[str, Any] = MappingProxyType({})
     big: bool = False
 
 
+_RISCV = {"features": "+m,+a,+f,+d,+c", "abiname": "lp64d"}
 TARGETS = {
-    "riscv64": Target(
-        *("riscv64-linux-gnu", "riscv64", "riscv64-unknown-linux-gnu"),
-        options={"features": "+m,+a,+f,+d,+c", "abiname": "lp64d"},
-    ),
-    "s390x": Target("s390x-linux-gnu", "s390x", "s390x-unknown-linux-gnu", "z10", big=True),
-    "powerpc64le": Target("powerpc64le-linux-gnu", "ppc64le", "powerpc64le-unknown-linux-gnu", "ppc64le"),
-    "arm": Target(
-        *("arm-linux-gnueabihf", "arm", "armv7-unknown-linux-gnueabihf", "cortex-a9"),
-        options={"features": "+vfp3,+d32,-neon"},
-    ),
+    "riscv64": Target("riscv64-linux-gnu", "", _RISCV),
+    "s390x": Target("s390x-linux-gnu", "z10", big=True),
+    "ppc64le": Target("powerpc64le-linux-gnu", "ppc64le"),
+    "arm": Target("arm-linux-gnueabihf", "cortex-a9", {"features": "+vfp3,+d32,-neon"}),
 }
-"""The processors by name; arm has 32 bits."""
-CONTROL = Target("aarch64-linux-gnu", "aarch64", "aarch64-unknown-linux-gnu")
+"""The processors by the names of qemu; arm has 32 bits."""
+
+CONTROL = Target("aarch64-linux-gnu")
 """A processor that can fuse a product and a sum."""
 
 
@@ -82,36 +74,34 @@ def emulator(name: str) -> str:
     return tool(f"qemu-{name}-static", "qemu-user-static")
 
 
-def replay(target: Target, folder: Path, work: Path) -> dict[str, int]:
-    """Compiles the functions of a folder of `record` for a target and runs their calls there.
+def replay(name: str, folder: Path) -> dict[str, int]:
+    """Compiles the functions of a folder of `record` for a processor and runs their calls there.
 
     Args:
-        target: The target. For `CONTROL` LLVM may fuse products and sums, to test whether the comparison detects it.
+        name: One of `TARGETS`, or "aarch64" for `CONTROL`, where LLVM may fuse products and sums.
         folder: The folder.
-        work: The folder of the compiled code.
 
     Returns:
         The numbers of functions, calls and bytes, of those calls and bytes that differ, and of calls that cannot run
         here: those of kernels, those that raise an exception, and those whose arrays overlap.
     """
-    qemu, compiler = emulator(target.qemu), tool(f"{target.gcc}-gcc", f"gcc-{target.gcc}")
+    target, work = TARGETS.get(name, CONTROL), folder / f"kernels {name}"
+    qemu, compiler = emulator(name), tool(f"{target.gcc}-gcc", f"gcc-{target.gcc}")
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
-    contents, calls = pickle.loads((folder / "calls").read_bytes())
+    calls = pickle.loads((folder / "calls").read_bytes())
     numbers = sorted(int(path.stem) for path in (folder / "ir").glob("*.json"))
-    work.mkdir(parents=True, exist_ok=True)
-    objects = []
-    for number in numbers:
-        objects.append(work / f"{number}.o")
-        objects[-1].write_bytes(compiled(folder / "ir", number, target))
-    functions = [f"call_{number}" for number in numbers]
-    declared = "".join(f"int {name}(void *, void *, void *);\n" for name in functions)
-    table = f"int (*const entries[])(void *, void *, void *) = {{{', '.join(functions)}}};\n"
-    (work / "entries.c").write_text(declared + table, encoding="utf-8")
+    work.mkdir(exist_ok=True)
+    objects = [work / f"{number}.o" for number in numbers]
+    for number, path in zip(numbers, objects, strict=True):
+        path.write_bytes(compiled(folder / "ir", number, target))
+    declared = "".join(f"int call_{number}(void *, void *, void *);\n" for number in numbers)
+    table = ", ".join(f"call_{number}" for number in numbers)
+    (work / "entries.c").write_text(f"{declared}int (*const entries[])(void *, void *, void *) = {{{table}}};\n")
     program, recorded = work / "replay", work / "calls"
     sources = HERE / "replay.c", work / "entries.c"
     subprocess.run([compiler, "-O1", "-static", "-w", *sources, *objects, "-lm", "-o", program], check=True)
-    packed = [row for call in calls if (row := packed_call(call, contents, numbers)) is not None]
+    packed = [row for call in calls if (row := packed_call(call, numbers)) is not None]
     recorded.write_bytes(pack(packed, target.big))
     output = subprocess.run([qemu, program, recorded], check=True, capture_output=True, text=True).stdout
     *differences, result = output.splitlines()
@@ -128,11 +118,11 @@ def compiled(folder: Path, number: int, target: Target) -> bytes:
     if target is CONTROL:
         text = re.sub(r"= f(mul|add|sub) double", r"= f\1 contract double", text)
     kinds = [str(kind.type) for kind in llvm.parse_assembly(text).get_function(about["function"]).arguments]
-    machine = llvm.Target.from_triple(target.triple).create_target_machine(
-        opt=3, reloc="pic", cpu=target.cpu, **target.options
-    )
+    triple = target.gcc.replace("-", "-unknown-", 1)
+    options = {"opt": 3, "reloc": "pic", "cpu": target.cpu, **target.options}
+    machine = llvm.Target.from_triple(triple).create_target_machine(**options)
     module = llvm.parse_assembly("\n".join([text, *caller(number, about, kinds)]))
-    module.triple, module.data_layout = target.triple, str(machine.target_data)
+    module.triple, module.data_layout = triple, str(machine.target_data)
     for function in module.functions:
         if not function.is_declaration and function.name != f"call_{number}":
             function.linkage = "internal"
@@ -171,31 +161,24 @@ def caller(number: int, about: dict[str, Any], kinds: list[str]) -> Iterator[str
 Row = tuple[list[int], list[Any], list[Any], list[Any]]
 
 
-def packed_call(call: Call, contents: dict[bytes, bytes], numbers: list[int]) -> Row | None:
+def packed_call(call: Call, numbers: list[int]) -> Row | None:
     """Returns a call for `pack`, or None if it cannot run.
 
-    The row is the function, the arrays (kind, content before, content after), the arguments and the results.
+    The row is the function, the arrays (before, after), and the words of the arguments and of the result.
     """
     if call.number not in numbers or call.error is not None:
         return None
-    arrays: list[Any] = []
-    places: dict[tuple[int, int], int] = {}
-    after = iter(call.after)
-
-    def index(value: Value) -> int:
-        size, content = len(contents[value.content]), next(after)
-        place = value.address, value.address + size
-        if size == 0 or place not in places:
-            places[place] = len(arrays)
-            arrays.append((dtype_of(value), contents[value.content], contents[content]))
-        return places[place]
-
-    arguments = [(kind, index(x) if kind == 1 else x) for kind, x in words(call.before)]
+    places: dict[tuple[int, int, int], tuple[int, Any, Any]] = {}  # by address and end; empty arrays are all kept
+    indices = []
+    for before, after, address in zip(arrays_of(call.arguments), call.after, call.addresses, strict=True):
+        place = address, address + before.nbytes, 0 if before.nbytes else len(places)
+        indices.append(places.setdefault(place, (len(places), before, after))[0])
     begins = sorted(place for place in places if place[0] < place[1])
     if any(one[1] > other[0] for one, other in itertools.pairwise(begins)):
         return None
-    results = [(kind, (dtype_of(x), contents[x.content]) if kind == 1 else x) for kind, x in words(call.result)]
-    return [numbers.index(call.number)], arrays, arguments, results
+    index = iter(indices)
+    arguments = [(kind, next(index) if kind == 1 else value) for kind, value in words(call.arguments)]
+    return [numbers.index(call.number)], [place[1:] for place in places.values()], arguments, [*words(call.result)]
 
 
 def words(value: Any) -> Iterator[tuple[int, Any]]:
@@ -203,44 +186,41 @@ def words(value: Any) -> Iterator[tuple[int, Any]]:
 
     A word is its kind and value: 0 and a number, 1 and an array, or 2 and 0 for a pointer that is not used.
     """
-    if not isinstance(value, Value):
+    if isinstance(value, tuple):
         for item in value:
             yield from words(item)
-    elif value.kind is not None:
-        item, shape = dtype_of(value).itemsize, value.shape
-        count = [int(np.prod(shape[k:], dtype=np.int64)) for k in range(len(shape) + 1)]
-        yield from ((2, 0), (2, 0), (0, count[0]), (0, item), (1, value))
-        yield from ((0, number) for number in (*shape, *(item * step for step in count[1:])))
-    elif isinstance(value.content, (float, np.floating)):
-        yield 0, struct.unpack("<Q", struct.pack("<d", value.content))[0]
-    elif isinstance(value.content, (bool, int, np.bool_, np.integer)):
-        yield 0, int(value.content) & MASK
+    elif isinstance(value, np.ndarray):
+        yield from ((2, 0), (2, 0), (0, value.size), (0, value.itemsize), (1, value))
+        yield from ((0, number) for number in (*value.shape, *value.strides))
+    elif isinstance(value, (float, np.floating)):
+        yield 0, struct.unpack("<Q", struct.pack("<d", value))[0]
+    elif isinstance(value, (bool, int, np.bool_, np.integer)):
+        yield 0, int(value) & MASK
     else:
         yield 2, 0
 
 
 def pack(rows: Sequence[Row], big: bool) -> bytes:
     """Returns the file of calls that `replay.c` reads."""
-    head, body, places = [len(rows)], bytearray(), dict[tuple[bytes, str], int]()
+    head, body, places = [len(rows)], bytearray(), dict[int, int]()
     begin = 8 * (1 + sum(4 + 3 * len(arrays) + 2 * len(used) + 3 * len(results) for _, arrays, used, results in rows))
 
-    def place(kind: Any, content: bytes) -> int:
-        if (content, str(kind)) not in places:
+    def place(array: Any) -> int:
+        if id(array) not in places:
             body.extend(bytes(-len(body) % 16))
-            places[content, str(kind)] = begin + len(body)
-            body.extend(np.frombuffer(content, kind).byteswap().tobytes() if big else content)
-        return places[content, str(kind)]
+            places[id(array)] = begin + len(body)
+            body.extend((array.byteswap() if big else array).tobytes())
+        return places[id(array)]
 
     for function, arrays, arguments, results in rows:
         head += [*function, len(arrays), len(arguments), len(results)]
-        for kind, before, after in arrays:
-            head += [len(before), place(kind, before), place(kind, after)]
+        for before, after in arrays:
+            head += [before.nbytes, place(before), place(after)]
         head += itertools.chain.from_iterable(arguments)
         for kind, value in results:
-            head += [kind, *((place(*value), len(value[1])) if kind == 1 else (value, 0))]
+            head += [kind, *((place(value), value.nbytes) if kind == 1 else (value, 0))]
     return struct.pack(f"{'>' if big else '<'}{len(head)}Q", *head) + body
 
 
 if __name__ == "__main__":
-    made = Path(sys.argv[2], f"kernels {sys.argv[1]}")
-    print(json.dumps(replay(TARGETS.get(sys.argv[1], CONTROL), Path(sys.argv[2]), made)))
+    print(json.dumps(replay(sys.argv[1], Path(sys.argv[2]))))

@@ -1,7 +1,6 @@
 """The work whose results are compared: `python -m benchmarks.machines.work FILE NAME ...` writes its hashes as JSON.
 
-The names are frozen ids, files of the leaderboard, and those of `WORK`. A name without a result yet is computed; so an
-interrupted run continues.
+The names are frozen ids, files of the leaderboard, and those of `WORK`. What the file has already is not computed.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ import gymnasium as gym
 import numpy as np
 
 from benchmarks import ROOT
+from benchmarks.reference.stress import families
 from billiards_env import Engine, Scene, simulate_batch, strike
 from billiards_env.bench.benchmark import verify
 from billiards_env.bench.published import HASHES, first_steps
@@ -33,33 +33,26 @@ from billiards_env.shots.simulation import _OUTCOME, BatchResult
 from billiards_env.shots.tables import Tables
 from billiards_env.support.files import write_json
 
-Counted = tuple[str, int]
-"""The hash of results and their number."""
-
 FILES = "geometric.json", "ppo_points.json"
 """The files of the leaderboard whose actions are played again."""
 
 
-def shots_of(name: str, balls: int | None, m: int, layout: str = "random", **options: Any) -> Any:
-    """Returns m random shots: those of all balls in scenes with flight, and else of the cue ball.
+def shots(family: Callable[..., Any], m: int, **options: Any) -> Any:
+    """Returns m random shots of a family of the stress test."""
+    scene, places, velocities, spins = family(np.random.default_rng(7), m)
+    return simulate_batch(scene, places, velocities, spins=spins, threads=1, **options)
 
-    The options are those of `simulate_batch`.
-    """
-    scene, rng = Scene.named(name, balls) if balls else Scene.named(name), np.random.default_rng(7)
-    positions = np.array([layouts.draw(layout, scene, rng) for _ in range(m)])
-    velocities, spins = rng.uniform(-4.0, 4.0, (m, 2)), rng.uniform(-60.0, 60.0, (m, 3))
-    if layout != "random":
-        velocities = np.column_stack((rng.uniform(5.0, 9.0, m), rng.uniform(-1.0, 1.0, m)))
-    if scene.physics.flight:
-        positions = np.concatenate((positions, np.zeros((*positions.shape[:2], 1))), 2)
-        moving = np.zeros((2, *positions.shape))
-        moving[0, :, 0, :2], moving[0, :, 0, 2], moving[1, :, 0] = velocities, rng.uniform(0.0, 3.0, m), spins
-        velocities, spins = moving
-    return simulate_batch(scene, positions, velocities, spins=spins, threads=1, **options)
+
+def tables_of(balls: int, m: int) -> Tables:
+    """Returns m tables with random positions."""
+    scene, rng = Scene.named("real_pool", balls), np.random.default_rng(7)
+    positions = np.array([layouts.draw("random", scene, rng) for _ in range(m)])
+    in_play = np.ones(positions.shape[:2], bool)
+    return Tables(scene, positions, in_play, in_play & (np.arange(balls + 1) > 0), 8.0)
 
 
 def strikes() -> Iterator[Any]:
-    """Yields shots with strikes, with the cue ball frozen to another ball."""
+    """Yields strikes of a cue ball that touches another ball."""
     scene, rng = Scene.named("real_pool", 3), np.random.default_rng(7)
     positions = np.array([[0.0, 0.0], [2 * scene.balls.radius[0], 0.0], [0.4, 0.2], [-0.4, -0.1]])
     parts = (rng.uniform(low, high, 100) for low, high in ((0.5, 6), (-3, 3), (-0.3, 0.3), (-0.3, 0.3), (0, 0.5)))
@@ -67,22 +60,17 @@ def strikes() -> Iterator[Any]:
 
 
 def many_balls() -> Iterator[Any]:
-    """Yields shots of 160 balls, all in motion."""
+    """Yields a shot of 160 balls, all in motion."""
     x, y = np.meshgrid(np.arange(16) - 7.5, np.arange(10) - 4.5)
     positions = 0.08 * np.stack((x.ravel(), y.ravel()), axis=1)
     scene = Scene(Balls.uniform(160, 0.028575), Table(1.3, 0.9), Physics())
     yield simulate_batch(scene, positions[None], np.random.default_rng(7).normal(size=(1, 160, 2)), threads=1)
 
 
-def varied() -> Iterator[Any]:
-    """Yields shots of which each has its own physics."""
-    yield shots_of("real_pool", 3, 100, physics={"mu_roll": np.linspace(0.005, 0.015, 100)})
-
-
 def derivatives() -> Iterator[Any]:
     """Yields derivatives, margins, certainties and the events without a derivative of recorded shots."""
-    for name in ("pool", "real_pool"):
-        batch = shots_of(name, 3, 20, record=True)
+    for name in ("pool, 5 object balls", "real pool, 5 object balls"):
+        batch = shots(families.FAMILIES[name], 20, record=True)
         yield jacobian(batch, "positions", "velocities")
         yield vjp(batch, {"positions": np.ones_like(batch.positions)})
         yield from (margins(batch), certainty(batch), nonsmooth(batch))
@@ -90,10 +78,7 @@ def derivatives() -> Iterator[Any]:
 
 def pots() -> Iterator[Any]:
     """Yields pots and banks."""
-    scene, rng = Scene.named("real_pool", 9), np.random.default_rng(7)
-    positions = np.array([layouts.draw("random", scene, rng) for _ in range(20)])
-    balls = np.ones(positions.shape[:2], bool)
-    yield find_pots(Tables(scene, positions, balls, balls & (np.arange(10) > 0), 8.0), banks=True)
+    yield find_pots(tables_of(9, 20), banks=True)
 
 
 def plans() -> Iterator[Any]:
@@ -106,55 +91,53 @@ def plans() -> Iterator[Any]:
 
 
 def games() -> Iterator[Any]:
-    """Yields the strokes of a random game of each kind, with the states after them."""
+    """Yields the states of a random game of each kind."""
     for name, rules in GAMES.items():
         setup, rng = Setup(name, Scene.named(rules.scene, rules.n_object_balls[1])), np.random.default_rng(7)
-        game = opening(setup, rng)
-        for _ in range(30):
-            if game.state.over:
-                break
+        game, strokes = opening(setup, rng), 0
+        while strokes < 30 and not game.state.over:
             place = tuple((3.0 * rng.random(2) - 1.5).tolist()) if game.state.in_hand else None
             call = Call(int(rng.integers(-1, 3)), int(rng.integers(-1, 6))) if rules.pockets else NO_CALL
             velocity, spin = rng.uniform(-6.0, 6.0, 2), rng.uniform(-20.0, 20.0, 3)
             game = play(setup, game, Stroke(tuple(velocity.tolist()), place, tuple(spin.tolist()), call)).game
+            strokes += 1
             yield game.positions, sorted(to_dict(game.state).items())
 
 
-def pixels() -> Iterator[Any]:
-    """Yields observations with pixels."""
-    envs = gym.make_vec("Billiards-v0", 8, n_object_balls=3, max_shots=3, observe=[["pixels", 36, 40]])
+def observations() -> Iterator[Any]:
+    """Yields observations of all kinds, with pixels, noise, scatter and random physics."""
+    ways = "free_to_balls", "cue_to_balls", "balls_to_pockets", "free_to_pockets", "shots_left", "physics", "potted"
+    options: dict[str, Any] = {"n_object_balls": 3, "max_shots": 3, "noise": {}, "scatter": {}}
+    options |= {"observe": [*ways, "positions", ["pixels", 36, 40]], "randomize": {"mu_roll": [0.005, 0.02]}}
+    envs: Any = gym.make_vec("Billiards-v0", 8, **options)
     yield envs.reset(seed=0)[0]
     envs.action_space.seed(0)
-    yield from (envs.step(envs.action_space.sample())[0] for _ in range(2))
+    yield from (envs.step(envs.action_space.sample())[0] for _ in range(4))
 
 
+_RACK = families.FAMILIES["15-ball break, loose rack"]
 _PIT = {fix: Engine("pit", 1 / 60, fix) for fix in ("push_apart", "move_back", "none", "time_of_impact")}
+_FAMILIES = "real pool, 5 object balls", "jump shots, 3 object balls", "rain of 6 balls with jaws", "stacks, leaning"
 
 WORK: dict[str, Callable[[], Any]] = {
-    "breaks on pool": lambda: [shots_of("pool", 15, 40, "rack")],
-    "breaks on real_pool": lambda: [shots_of("real_pool", 15, 40, "rack")],
-    "snooker": lambda: [shots_of("snooker", None, 20, "snooker")],
-    "real_carom": lambda: [shots_of("real_carom", 2, 200)],
-    "flights": lambda: [shots_of("jump_pool", 3, 200)],
-    **{
-        f"timestep {fix}": lambda engine=engine: [shots_of("pool", 3, 200, engine=engine)]
-        for fix, engine in _PIT.items()
-    },
+    "breaks": lambda: [shots(_RACK, 40)],
+    "random physics": lambda: [shots(_RACK, 40, physics={"mu_roll": np.linspace(0.005, 0.015, 40)})],
+    **{name.replace(",", ""): lambda name=name: [shots(families.FAMILIES[name], 100)] for name in _FAMILIES},
+    **{f"timestep {fix}": lambda engine=engine: [shots(_RACK, 40, engine=engine)] for fix, engine in _PIT.items()},
     **{
         work.__name__.replace("_", " "): work
-        for work in (many_balls, strikes, varied, derivatives, pots, plans, games, pixels)
+        for work in (strikes, many_balls, derivatives, pots, plans, games, observations)
     },
 }
 """Functions that yield results, by name."""
 
 
-def result_of(name: str) -> Counted:
+def result_of(name: str) -> tuple[str, int]:
     """Returns the hash and the number of the results of some work."""
     if name in HASHES:
         return first_steps(name), 100
-    if name in FILES:
-        results = verify(ROOT / "docs" / "leaderboard" / name).results  # raises an error if a bit differs
-        return name, sum(len(result.actions) for result in results)
+    if name in FILES:  # raises an error if a bit differs
+        return name, sum(len(one.actions) for one in verify(ROOT / "docs" / "leaderboard" / name).results)
     digest, count = hashlib.sha256(), 0
     for value in WORK[name]():
         count += len(value) if isinstance(value, BatchResult) else 1

@@ -4,13 +4,14 @@ import json
 import shutil
 import struct
 import subprocess
+from typing import Any
 
 import numpy as np
 import pytest
 
 from benchmarks.machines import __main__ as machines
 from benchmarks.machines import blocks, record, replay
-from billiards_env.bench.published import HASHES
+from billiards_env.support.files import write_json
 
 ENTRIES = """
 #include <stdint.h>
@@ -40,8 +41,8 @@ def recorded(*numbers):
     return calls
 
 
-def rows_of(calls, each):
-    rows = [replay.packed_call(call, calls.contents, [7]) for call in each]
+def rows_of(each):
+    rows = [replay.packed_call(call, [7]) for call in each]
     return [row for row in rows if row is not None]
 
 
@@ -61,7 +62,7 @@ def test_an_error_of_a_call_is_raised_again_and_the_call_is_not_packed():
     calls = record.Calls()
     with pytest.raises(ZeroDivisionError):
         calls.record("divide", 0, lambda: 1 // 0)
-    assert replay.packed_call(calls.calls[0], calls.contents, [0]) is None
+    assert replay.packed_call(calls.calls[0], [0]) is None
     with pytest.raises(ZeroDivisionError):
         calls.answer("divide", 0, twice)
 
@@ -70,14 +71,14 @@ def test_arrays_that_overlap_are_not_packed():
     numbers, calls = np.arange(4), record.Calls()
     for other in (numbers, numbers[2:]):
         calls.record("f", 7, lambda *_: None, numbers, other)
-    ((_, arrays, _, _),) = rows_of(calls, calls.calls)
+    ((_, arrays, _, _),) = rows_of(calls.calls)
     assert len(arrays) == 1
 
 
 @pytest.mark.parametrize("big", [False, True])
 def test_a_file_of_calls_has_the_byte_order_of_its_machine(big):
     calls = recorded(3)
-    content = replay.pack(rows_of(calls, calls.calls), big)
+    content = replay.pack(rows_of(calls.calls), big)
     order = ">" if big else "<"
     words = struct.unpack_from(f"{order}26Q", content)
     assert words[:5] == (1, 0, 1, 9, 1)
@@ -95,10 +96,10 @@ def test_replayed_calls_are_compared_byte_by_byte(tmp_path):
     subprocess.run(["gcc", "-w", *sources, "-lm", "-o", tmp_path / "replay"], check=True)
     calls = recorded(3, 300)
     call = calls.calls[1]
-    wrong = call._replace(after=[calls.key(np.array([2, 601], np.int16))])
-    other = call._replace(result=record.Value(301))
+    wrong = call._replace(after=[np.array([2, 601], np.int16)])
+    other = call._replace(result=301)
     for one, expected in (([*calls.calls], 0), ([call, wrong, wrong], 2), ([other], 1)):
-        (tmp_path / "calls").write_bytes(replay.pack(rows_of(calls, one), False))
+        (tmp_path / "calls").write_bytes(replay.pack(rows_of(one), False))
         command = [tmp_path / "replay", tmp_path / "calls"]
         text = subprocess.run(command, check=True, capture_output=True, text=True).stdout
         result = json.loads(text.splitlines()[-1])
@@ -113,49 +114,51 @@ def test_a_missing_program_is_named_with_its_package(monkeypatch):
 
 @pytest.fixture
 def runs(tmp_path, monkeypatch):
-    """The names of the steps that run, in place of the real ones."""
-    runs, good = [], {"Pot1-v0": [HASHES["Pot1-v0"], 100]}
-    same = {"calls": 5, "functions": 2, "bytes": 1e6, "other_calls": 0}
-    results = {
-        "record": {"results": good, "left_out": ["a.b"]},
-        "aarch64": good,
-        **dict.fromkeys(replay.TARGETS, same),
-        "control": same | {"other_calls": 1},
-    }
+    """The names of the steps that run, in place of the real ones, and their rows."""
+    rows: dict[str, Any] = {name: {"machine": name, "compared": "all", "other": 0} for name in machines.steps_of([])}
+    rows["record"]["left_out"], rows["cross"] = ["games.placement.limits", "a.b"], {}
+    rows["functions on aarch64"] |= {"machine": "control", "other": 1}
+    names: list[str] = []
 
     def step_of(name, step):
-        return step._replace(run=lambda folder: runs.append(name) or results.get(name, {}))
+        return step._replace(run=lambda folder: names.append(name) or rows[name])
 
-    steps = {name: step_of(name, step) for name, step in machines.steps_of(["Pot1-v0"]).items()}
+    steps = {name: step_of(name, step) for name, step in machines.steps_of([]).items()}
     monkeypatch.setattr(machines, "steps_of", lambda names: steps)
     monkeypatch.setattr(machines, "HOME", tmp_path / "machines")
-    results["runs"] = runs
-    return results
+    return names, rows
 
 
-def test_the_command_does_what_is_not_done(runs, tmp_path, capsys):
-    output = ["--only", "Pot1-v0", "--output", str(tmp_path / "rows.json")]
+def test_the_command_does_what_is_not_done(runs, tmp_path):
+    output, (names, _) = ["--output", str(tmp_path / "rows.json")], runs
     machines.main(["--parts", "aarch64", *output])
-    assert sorted(runs["runs"]) == ["aarch64", "cross", "record", "system"]
+    assert sorted(names) == ["aarch64", "cross", "record"]
     machines.main(["--parts", "aarch64,kernels", *output])
-    assert sorted(runs["runs"][4:]) == sorted([*replay.TARGETS, "control"])
+    assert sorted(names[3:]) == sorted(f"functions on {name}" for name in (*replay.TARGETS, "aarch64"))
     written = json.loads((tmp_path / "rows.json").read_text())
     assert [row["other"] for row in written["rows"]] == [0, 0, 0, 0, 0, 0, 1]
-    assert "| aarch64, emulated" in blocks(written)["rows"]
-    assert blocks(written)["left out"] == "- `a.b`"
+    assert "| aarch64 " in blocks(written)["rows"]
+    of_players, other = blocks(written)["left out"].splitlines()
+    assert of_players.endswith("for players")
+    assert other == "- `a.b`: no work calls it"
 
 
-@pytest.mark.parametrize("step", ["aarch64", "s390x", "control"])
+@pytest.mark.parametrize("step", ["aarch64", "functions on s390x", "functions on aarch64"])
 def test_other_bits_and_a_control_that_finds_nothing_are_errors(step, runs, tmp_path):
-    runs["aarch64"] = {"Pot1-v0": ["0", 100]} if step == "aarch64" else runs["aarch64"]
-    if step != "aarch64":
-        runs[step] = runs[step] | {"other_calls": int(step != "control")}
-    with pytest.raises(SystemExit, match=f"{step}.*: [01] results have other bits"):
-        machines.main(["--only", "Pot1-v0", "--parts", "aarch64,kernels", "--output", str(tmp_path / "rows.json")])
+    runs[1][step]["other"] = 1 - runs[1][step]["other"]
+    with pytest.raises(SystemExit, match=f"^{runs[1][step]['machine']}: other bits, or a control"):
+        machines.main(["--parts", "aarch64,kernels", "--output", str(tmp_path / "rows.json")])
+
+
+def test_results_are_compared_by_name(tmp_path):
+    write_json(tmp_path / "results", {"Pot1-v0": ["a", 100], "pots": ["b", 7]})
+    row = machines.compared("here", tmp_path / "results", {"Pot1-v0": ["a", 100], "pots": ["c", 7]})
+    assert (row["other"], row["names"]) == (1, ["pots"])
+    assert row["compared"] == "107 results: 1 frozen ids, 1 other kinds of work"
 
 
 @pytest.mark.parametrize("option", ["--parts", "--only"])
 def test_unknown_parts_and_work_are_errors(option, runs, tmp_path):
     with pytest.raises(SystemExit):
         machines.main([option, "none", "--output", str(tmp_path / "rows.json")])
-    assert runs["runs"] == []
+    assert runs[0] == []
