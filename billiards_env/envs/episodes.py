@@ -144,7 +144,8 @@ class Episodes:
         """Sets the arrays of the episodes, which are in a block of memory; `like` has a block of the same type."""
         names = self._block_kind.names or ()
         arrays: dict[str, Any] = dict(zip(names, arrays_in(block, self._block_kind), strict=True))
-        arrays["states"], arrays["viewers"] = arrays["game"].reshape(-1), arrays["viewers"].reshape(-1)
+        arrays["states"] = arrays["game"]
+        arrays |= {name: arrays[name].reshape(-1) for name in ("states", "facts", "viewers")}
         arrays.setdefault("heights", None)
         self.state = state = StateArrays(*map(arrays.__getitem__, StateArrays._fields))
         self.shots = shots = Shots(*map(arrays.__getitem__, Shots._fields))
@@ -307,7 +308,7 @@ class Episodes:
     def begin(self, begin: int, end: int, mask: Bools, observations: Any, states: NDArray[Any] | None = None) -> None:
         """Begins the episodes in the mask (m,) with the balls where they are, and writes all observations.
 
-        `states`, (1,) or (m,) `games.STATE`, are those of games of several players; None for the opening.
+        `states`, (1,) or (m,) `Game.state_type`, are those of games of several players; None for the opening.
         """
         self._begin.call(begin, end, mask, self._numbers, self._arrays)
         if self._game is not None:
@@ -479,6 +480,8 @@ def block_type(state: np.dtype[np.void], model: Model, choices: int) -> np.dtype
     n, shots = model.scene.n_balls, row_type(model.scene.n_balls, model.scene.physics.flight)
     rest = [(name, shots[name]) for name in shots.names or () if name not in StateArrays._fields]
     rest += [("actions", "f8", (action_named(model.action).size,)), ("points", "i8"), ("rewards", "f8")]
+    task = task_of(model.task, model.n_players)
+    rest += [("facts", task.game.facts_type, () if task.is_game else (0,))]
     rest += [("viewers", "i8", () if model.n_players > 1 else (0,)), ("mask", "i1", (choices,))]
     rest += [("potted", "?", (n,)), ("scratch", "?"), ("miscues", "?")]
     after, begin = np.dtype(rest, align=True), -(-state.itemsize // 8) * 8

@@ -33,7 +33,7 @@ from billiards_env.engine.compile import PIC, cached_by_scene
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.tasks import task_of
-from billiards_env.games.game_state import REPLACE, STATE, check_indices
+from billiards_env.games.game_state import REPLACE, check_indices
 from billiards_env.jit import streams
 from billiards_env.scene import Scene
 from billiards_env.support.checks import is_masked_array, short, short_name
@@ -55,8 +55,8 @@ class StateArrays(NamedTuple):
         physics: (m, p) float64: the numbers of `randomize`, in its order.
         before_positions: (m, n, 2) m, the positions before the last shot, in games in which a player may have it
             played again; (m, 0, 2) in others.
-        game: (m,) `games.STATE` in the tasks that are games, (m, 0) in the others.
-        before_game: (m,) `games.STATE` before the last shot, or (m, 0), as `before_positions`.
+        game: (m,) `Game.state_type` in the tasks that are games, (m, 0) in the others.
+        before_game: (m,) `Game.state_type` before the last shot, or (m, 0), as `before_positions`.
         score: (m,) int64: points of the episode; undefined if `fresh`.
         shots_left: (m,) int64: number of shots left; undefined if `fresh`.
         in_play: (m, n) bool: whether a ball is on the table.
@@ -91,12 +91,13 @@ class StateArrays(NamedTuple):
 
 def state_type(model: Model) -> np.dtype[np.void]:
     """Returns the type of a row. The fields of 8 bytes come first, so that all arrays of a block are aligned."""
-    n, is_game = model.scene.n_balls, task_of(model.task, model.n_players).is_game
+    n, task = model.scene.n_balls, task_of(model.task, model.n_players)
+    is_game, game = task.is_game, task.game.state_type
     replaces = model.setup is not None and model.setup.miss
     kinds = (
         *("u8", ("u8", 4), ("u8", 4), ("u8", 8), ("f8", (n, 2)), ("f8", (1 if model.goal_radius else 0, 2))),
         *(("f8", (len(model.randomize),)), ("f8", (n if replaces else 0, 2))),
-        *(STATE if is_game else (STATE, (0,)), STATE if replaces else (STATE, (0,)), "i8", "i8"),
+        *(game if is_game else (game, (0,)), game if replaces else (game, (0,)), "i8", "i8"),
         *(("?", (n,)), ("?", (n if is_game else 0,))),
         *("?", "?", "?", "?", ("S", max(24, len(short_name(model.task))))),
     )

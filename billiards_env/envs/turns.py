@@ -23,11 +23,10 @@ from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays
 from billiards_env.envs.snapshots import StateArrays
 from billiards_env.envs.tasks import write_legal_balls
-from billiards_env.games.facts import facts_of_shot
 from billiards_env.games.game_state import CALL, CALLS, HAND_BACK, SAFETY, SHOT, verdict
 from billiards_env.games.placement import PlacementNumbers, cue_ball_area_of, place_cue_ball
 from billiards_env.games.playing import NO_CALL, Call, Setup, Stroke
-from billiards_env.games.transition import after_shot, without_shot
+from billiards_env.games.turn import after_shot, without_shot
 from billiards_env.jit import Typed, entry_point, inlined
 from billiards_env.physics.state import X, Y
 
@@ -52,7 +51,7 @@ class TurnArrays(NamedTuple):
         spotted: (m, n) bool, the balls that return to the table.
         before_positions: (m, n, 2) m, the positions before the last shot, if players may have a shot played again (the
             call "replace"); else (m, 0, 2).
-        before_states: (m,) `games.STATE` before the last shot, or (0,).
+        before_states: (m,) `Game.state_type` before the last shot, or (0,).
     """
 
     calls: Any
@@ -215,7 +214,8 @@ def _play_turn(k, rules, numbers, table, arrays, turns):
         before = turns.before_positions, turns.before_states
         without_shot(rules, table, k, call, arrays.positions, arrays.states, before)
         return verdict(), -1
-    facts, pocket = facts_of_shot(k, arrays, numbers.bits), turns.pockets[k]
+    facts, pocket = arrays.facts[k], turns.pockets[k]
+    rules.record(arrays, k, numbers.bits, facts)
     call.made = call.ball >= 0 and pocket >= 0 and arrays.pockets[k, call.ball] == pocket
     return after_shot(rules, table, arrays.positions[k], arrays.states[k], facts, call)
 
