@@ -18,7 +18,7 @@ from billiards_env.engine import Engine
 from billiards_env.engine.compile import check_varied_name
 from billiards_env.envs.actions import ELEVATION, SIDE, SPEED, TOP, TURN, action_named, check_action
 from billiards_env.envs.tasks import TASKS, task_of, task_targets
-from billiards_env.games.game_state import MOST_PLAYERS, STATE
+from billiards_env.games.game_state import MOST_PLAYERS
 from billiards_env.games.referee import GAMES
 from billiards_env.jit import streams
 from billiards_env.scene import Balls, Scene, check_ends_on_cloth, check_positions, check_ranges, layouts
@@ -271,7 +271,7 @@ class ResetOptions(NamedTuple):
         goals: (m, 1, 2) goals, m; None to draw them.
         physics: Numbers of `randomize` by name, (m,) each; the others are drawn.
         episode_seed: (m, 8) uint64, the random streams of layouts and noise; None to continue the current ones.
-        states: (m,) `games.STATE`, the states of games of several players; None for the opening.
+        states: (m,) `Game.state_type`, the states of games of several players; None for the opening.
     """
 
     positions: NDArray[np.float64] | None = None
@@ -540,7 +540,7 @@ def _custom_openings(
     m = 1 if mask is None else len(mask)
     many, shape = () if mask is None else mask.shape, (model.scene.n_balls, 2)
     positions = _for_each("options['positions']", options["positions"], many, shape).reshape(m, *shape)
-    states = np.zeros(m, STATE)
+    states = np.zeros(m, model.setup.game_rules.state_type)
     for k in range(m):
         if mask is None or mask[k]:
             states[k] = custom_opening(model.setup, positions[k], options.get("state")).state

@@ -17,7 +17,7 @@ class TaskNumbers(NamedTuple):
     Attributes:
         targets: (n,) bool, the balls of the task.
         bits: (n,) int64, each ball as a set of balls.
-        opening: (1,) `games.STATE` before the first shot of a task that is a game, (0,) in other tasks.
+        opening: (1,) `Game.state_type` before the first shot of a task that is a game, (0,) in other tasks.
         legal: The legal balls of the first shot of a game, as a set of balls; 0 in other tasks.
         goal_radius: m, see `Task`.
         max_shots: Number of shots after which an episode ends.
@@ -48,7 +48,8 @@ class EpisodeArrays(NamedTuple):
         pot_order: As in `engine.Shots`.
         touched_first: As in `engine.Shots`.
         goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
-        states: (m,) `games.STATE` before the next shots in the tasks that are games, (0,) in the others.
+        states: (m,) `Game.state_type` before the next shots in the tasks that are games, (0,) in the others.
+        facts: (m,) `Game.facts_type` of the last shots in the tasks that are games, (m, 0) in the others.
         legal_balls: (m, n) bool in the tasks that are games, (m, 0) in the others: the balls that the cue ball may
             touch first in the next shot.
         viewers: (m,) int64 in games of several players: the player who observes, -1 for the player to shoot; (0,) in
@@ -74,6 +75,7 @@ class EpisodeArrays(NamedTuple):
     touched_first: Any
     goals: Any
     states: Any
+    facts: Any
     legal_balls: Any
     viewers: Any
     points: Any

@@ -76,7 +76,7 @@ class Reset:
     def begin(self, state: State, begin: int, end: int, mask: Bools, states: NDArray[Any] | None = None) -> None:
         """Begins the episodes in the mask (m,) with the balls where they are.
 
-        `states`, (1,) or (m,) `games.STATE`, are those of games of several players; None for the opening.
+        `states`, (1,) or (m,) `Game.state_type`, are those of games of several players; None for the opening.
         """
         self._begin.call(begin, end, mask, self._numbers, state.arrays)
         if states is not None:

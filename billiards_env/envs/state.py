@@ -7,7 +7,7 @@
     +-- the rest of a shot, see `engine.Shots`: the start, which the engine replaces by the end ------------+
     | velocities  spins  cue  heights  time  cushions  ...  first_hit_time                                 |
     +-- results of the last step -------------------------------------------------------------------------+
-    | actions  points  rewards  viewers  mask  potted  scratch  miscues                                    |
+    | actions  points  rewards  facts  viewers  mask  potted  scratch  miscues                             |
     +------------------------------------------------------------------------------------------------------+
 
 The block has all rows of one array, then those of the next, so each array is contiguous. The saved arrays come first:
@@ -33,7 +33,7 @@ from billiards_env.envs.actions import action_named
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.episode_arrays import EpisodeArrays
 from billiards_env.envs.tasks import task_of
-from billiards_env.games.game_state import CALL, STATE
+from billiards_env.games.game_state import CALL
 from billiards_env.physics.scatter import Scatter
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.scene import Scene
@@ -72,6 +72,8 @@ def row_types(model: Model, choices: int) -> RowTypes:
     saved, n, shot = saved_type(model), model.scene.n_balls, row_type(model.scene.n_balls, model.scene.physics.flight)
     rest = [(name, shot[name]) for name in shot.names or () if name not in SAVED]
     rest += [("actions", "f8", (action_named(model.action).size,)), ("points", "i8"), ("rewards", "f8")]
+    task = task_of(model.task, model.n_players)
+    rest += [("facts", task.game.facts_type, () if task.is_game else (0,))]
     rest += [("viewers", "i8", () if model.n_players > 1 else (0,)), ("mask", "i1", (choices,))]
     rest += [("potted", "?", (n,)), ("scratch", "?"), ("miscues", "?")]
     after, begin = np.dtype(rest, align=True), -(-saved.itemsize // 8) * 8
@@ -85,12 +87,13 @@ def row_types(model: Model, choices: int) -> RowTypes:
 
 def saved_type(model: Model) -> np.dtype[np.void]:
     """Returns the type of a saved row. The fields of 8 bytes come first, so that all arrays of a block are aligned."""
-    n, is_game = model.scene.n_balls, task_of(model.task, model.n_players).is_game
+    n, task = model.scene.n_balls, task_of(model.task, model.n_players)
+    is_game, game = task.is_game, task.game.state_type
     replaces = model.setup is not None and model.setup.miss
     kinds = (
         *("u8", ("u8", 4), ("u8", 4), ("u8", 8), ("f8", (n, 2)), ("f8", (1 if model.goal_radius else 0, 2))),
         *(("f8", (len(model.randomize),)), ("f8", (n if replaces else 0, 2))),
-        *(STATE if is_game else (STATE, (0,)), STATE if replaces else (STATE, (0,)), "i8", "i8"),
+        *(game if is_game else (game, (0,)), game if replaces else (game, (0,)), "i8", "i8"),
         *(("?", (n,)), ("?", (n if is_game else 0,))),
         *("?", "?", "?", "?", ("S", max(24, len(short_name(model.task))))),
     )
@@ -118,8 +121,8 @@ class State:
         physics: (m, p) float64: the numbers of `randomize`, in its order.
         before_positions: (m, n, 2) m, the positions before the last shot, in games in which a player may have it
             played again; (m, 0, 2) in others.
-        game: (m,) `games.STATE` in the tasks that are games, (m, 0) in the others.
-        before_game: (m,) `games.STATE` before the last shot, or (m, 0), as `before_positions`.
+        game: (m,) `Game.state_type` in the tasks that are games, (m, 0) in the others.
+        before_game: (m,) `Game.state_type` before the last shot, or (m, 0), as `before_positions`.
         score: (m,) int64: points of the episode; undefined if `fresh`.
         shots_left: (m,) int64: number of shots left; undefined if `fresh`.
         in_play: (m, n) bool: whether a ball is on the table.
@@ -187,7 +190,8 @@ class State:
         arrays = named_arrays(block, types.whole)
         self.__dict__.update(arrays)
         self.memory = block[: len(self.over) * types.saved.itemsize]
-        arrays["states"], arrays["viewers"] = arrays["game"].reshape(-1), arrays["viewers"].reshape(-1)
+        arrays["states"] = arrays["game"]
+        arrays |= {name: arrays[name].reshape(-1) for name in ("states", "facts", "viewers")}
         arrays.setdefault("heights", None)
         self.shots, self.arrays = _shots_of(arrays), _arrays_of(arrays)
         self.seen = EpisodeArrays(*self.arrays)
@@ -279,7 +283,7 @@ class TurnArrays(NamedTuple):
         spotted: (m, n) bool, the balls that return to the table.
         before_positions: (m, n, 2) m, the positions before the last shot, if players may have a shot played again (the
             call "replace"); else (m, 0, 2).
-        before_states: (m,) `games.STATE` before the last shot, or (0,).
+        before_states: (m,) `Game.state_type` before the last shot, or (0,).
     """
 
     calls: Any

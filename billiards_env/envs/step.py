@@ -186,7 +186,7 @@ def start_shots(begin, end, strokes, max_speed, balls, states, over, played):
         strokes: (m, 2) or (m, 5) float64.
         max_speed: m/s.
         balls: Velocities (m, n, 2), m/s, spins (m, n, 3), rad/s, and the struck balls (m,), all out.
-        states: (m,) `games.STATE` in the tasks that are games, (0,) in the others.
+        states: (m,) `Game.state_type` in the tasks that are games, (0,) in the others.
         over: (m,) bool, the episodes without a shot.
         played: (m, 2) or (m, 5) out, the strokes, clipped; 0 in the episodes without a shot.
     """

@@ -21,10 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.games.carom import CUSHIONS_TO_TOUCH, is_carom
-from billiards_env.games.facts import facts_of_shot
-from billiards_env.games.game_state import NO_FOUL, NOT_IN_HAND, SHOT, STATE, Called, size
+from billiards_env.games.entry import Game
+from billiards_env.games.facts import cushions_before_first, cushions_before_last, driven_off, first, scratch, touched
+from billiards_env.games.game_state import NO_FOUL, NOT_IN_HAND, SHOT, Called, size
 from billiards_env.games.pool import EIGHT, eight_ball, group_of, group_or_eight, lowest_ball, nine_ball
-from billiards_env.games.referee import GAMES, first_state, judged, legal_balls
+from billiards_env.games.referee import GAMES, first_state, legal_balls
+from billiards_env.games.turn import judged
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
@@ -74,10 +76,11 @@ def judge_three_cushion(k, numbers, arrays):
 @inlined
 def judge_cushions(k, numbers, arrays, cushions):
     """Returns the result of a carom that needs some cushion contacts."""
-    facts, over = facts_of_shot(k, arrays, numbers.bits), False
+    bits, over = numbers.bits, False
     for i in range(len(numbers.targets)):
         over = over or arrays.potted[k, i]
-    success = is_carom(facts, len(numbers.targets) - 1, cushions) and not facts.scratch
+    balls, contacts = touched(arrays, k, bits), cushions_before_last(arrays, k, bits)
+    success = is_carom(balls, contacts, len(bits) - 1, cushions) and not scratch(arrays, k, bits)
     return (1 if success else 0), over, success
 
 
@@ -158,10 +161,10 @@ def judge_jump(k, numbers, arrays):
     A shot that pots the cue ball or drives a ball off the table scores 0 points. The episode is decided if ball 1 or
     the cue ball is out of play.
     """
-    facts = facts_of_shot(k, arrays, numbers.bits)
+    bits = numbers.bits
     _, decided, potted = judge_pot(k, numbers, arrays)
-    first = facts.first == numbers.bits[1] and facts.cushions_before_first == 0
-    success = potted and first and facts.driven_off == 0
+    direct = first(arrays, k, bits) == bits[1] and cushions_before_first(arrays, k, bits) == 0
+    success = potted and direct and driven_off(arrays, k, bits) == 0
     return (1 if success else 0), decided, success
 
 
@@ -173,7 +176,8 @@ def judge_nine_ball(k, numbers, arrays):
     decided by a foul, by a shot that pots no ball, or when the nine ball is potted. The task is achieved if the nine
     ball is potted without a foul.
     """
-    state, facts = arrays.states[k], facts_of_shot(k, arrays, numbers.bits)
+    state, facts = arrays.states[k], arrays.facts[k]
+    record_nine_ball(arrays, k, numbers.bits, facts)
     on_table = state.object_balls
     verdict = judged(nine_ball, state, facts, NO_CALL)
     write_legal_balls(k, lowest_ball(state, 0) & ~facts.potted, arrays)
@@ -191,7 +195,8 @@ def judge_eight_ball(k, numbers, arrays):
     of the group, or when the eight ball is potted. The task is achieved if the eight ball is potted without a foul when
     it is legal, and not in the break.
     """
-    state, facts = arrays.states[k], facts_of_shot(k, arrays, numbers.bits)
+    state, facts = arrays.states[k], arrays.facts[k]
+    record_eight_ball(arrays, k, numbers.bits, facts)
     verdict = judged(eight_ball, state, facts, NO_CALL)
     write_legal_balls(k, group_or_eight(state, 0), arrays)
     if verdict.foul != NO_FOUL:
@@ -202,6 +207,7 @@ def judge_eight_ball(k, numbers, arrays):
 
 
 NO_CALL = Called(-1, SHOT, False)
+record_nine_ball, record_eight_ball = GAMES["nine_ball"].record, GAMES["eight_ball"].record
 
 
 @inlined
@@ -253,6 +259,11 @@ class Task(NamedTuple):
     def action(self) -> str:
         """The default action."""
         return "strike" if self.flies else "velocity"
+
+    @property
+    def game(self) -> Game:
+        """The game of a task that is a game; for the empty arrays of other tasks, straight pool."""
+        return entry_of("rules", self.rules if self.is_game else "straight", GAMES)
 
 
 TASKS = {
@@ -338,7 +349,7 @@ def task_of(name: str, n_players: int = 1) -> Task:
 
 
 def opening_of(entry: Task, scene: Scene, layout: str, **fields: Any) -> tuple[NDArray[Any], int]:
-    """Returns the state before the first shot of a task that is a game, (1,) `STATE`, and its legal balls.
+    """Returns the state before the first shot of a task that is a game, (1,) `Game.state_type`, and its legal balls.
 
     There are none in other tasks: (0,), 0. The cue ball is in hand before a break with several players.
 
@@ -346,14 +357,14 @@ def opening_of(entry: Task, scene: Scene, layout: str, **fields: Any) -> tuple[N
         entry: The task.
         scene: The scene.
         layout: The layout at the start.
-        **fields: Fields of `RulesState` of a game of several players.
+        **fields: Fields of the state of a game of several players.
     """
     if not entry.is_game:
-        return np.zeros(0, STATE), 0
+        return np.zeros(0, entry.game.state_type), 0
     fields["break_shot"] = short_name(layout) in entry.breaks
     if not (fields["break_shot"] and "n_players" in fields):
         fields["in_hand"] = NOT_IN_HAND
-    states = np.array([first_state(entry.rules, scene.n_balls, **fields)], STATE)
+    states = np.array([first_state(entry.rules, scene.n_balls, **fields)])
     return states, int(legal_balls(entry.rules, states, np.zeros(1, np.int64))[0])
 
 

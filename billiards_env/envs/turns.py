@@ -23,11 +23,10 @@ from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays
 from billiards_env.envs.state import State, TurnArrays
 from billiards_env.envs.tasks import write_legal_balls
-from billiards_env.games.facts import facts_of_shot
 from billiards_env.games.game_state import CALLS, HAND_BACK, SAFETY, SHOT, verdict
 from billiards_env.games.placement import PlacementNumbers, cue_ball_area_of, place_cue_ball
 from billiards_env.games.playing import NO_CALL, Call, Setup, Stroke
-from billiards_env.games.transition import after_shot, without_shot
+from billiards_env.games.turn import after_shot, without_shot
 from billiards_env.jit import Typed, entry_point, inlined
 from billiards_env.physics.state import X, Y
 
@@ -158,7 +157,8 @@ def _play_turn(k, rules, numbers, table, arrays, turns):
         before = turns.before_positions, turns.before_states
         without_shot(rules, table, k, call, arrays.positions, arrays.states, before)
         return verdict(), -1
-    facts, pocket = facts_of_shot(k, arrays, numbers.bits), turns.pockets[k]
+    facts, pocket = arrays.facts[k], turns.pockets[k]
+    rules.record(arrays, k, numbers.bits, facts)
     call.made = call.ball >= 0 and pocket >= 0 and arrays.pockets[k, call.ball] == pocket
     return after_shot(rules, table, arrays.positions[k], arrays.states[k], facts, call)
 

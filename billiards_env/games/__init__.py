@@ -7,7 +7,7 @@ names of `games.playing` are imported on first use: tasks need only the rules.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from billiards_env.games.game_state import CALL, CALLS, FACTS, FOULS, IN_HAND, STATE, VERDICT, members, to_dict
+from billiards_env.games.game_state import CALL, CALLS, FOULS, IN_HAND, STATE, VERDICT, members, to_dict
 from billiards_env.games.referee import GAMES
 
 if TYPE_CHECKING:
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 __all__ = [
     "CALL",
     "CALLS",
-    "FACTS",
     "FOULS",
     "GAMES",
     "IN_HAND",

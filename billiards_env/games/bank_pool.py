@@ -21,6 +21,7 @@ The kernels have the arguments of `entry.Game`.
 
 from __future__ import annotations
 
+from billiards_env.games.facts import USUAL, banked
 from billiards_env.games.game_state import BEHIND, NO_FOUL, SCRATCH, SHOT, end, verdict
 from billiards_env.games.one_pocket import FOULS_OF_PAGE, SHORT_GAME, end_of_rack, owed_balls, penalty_ball
 from billiards_env.games.pool import any_ball, called_balls, standard_foul
@@ -68,6 +69,7 @@ GAMES = {
         callable=any_ball,
         editions=("2006",),
         banks=True,
+        facts=(*USUAL, banked),
         page=(
             ("to win", "score the target with a point for each bank"),
             ("bank", "the cue ball first touches the ball, off no cushion; the ball hits a cushion before its pot"),

@@ -12,7 +12,7 @@ from billiards_env.engine.compile import cached_by_scene
 from billiards_env.engine.strikes import strike_with
 from billiards_env.games.entry import no_see
 from billiards_env.games.facts import facts_of_shots
-from billiards_env.games.game_state import CALL, STATE, VERDICT, members
+from billiards_env.games.game_state import CALL, VERDICT, members
 from billiards_env.games.placement import PlacementNumbers
 from billiards_env.games.playing import NO_CALL, Call, GameState, PlayedShot, Setup
 from billiards_env.games.referee import callable_balls, judge_shots
@@ -28,8 +28,8 @@ class PlayedBatch(NamedTuple):
     Attributes:
         positions: (m, n, 2) m, of the balls after the shots. A ball that returns to the table lies on its spot, even if
             another ball is in the way; a new rack is not placed.
-        states: (m,) `STATE`, before the next shots, without what `transition` adds for the balls at rest: a free ball,
-            touching balls, and choices that follow from them or from a stalemate.
+        states: (m,) `Game.state_type`, before the next shots, without what `Game.settle` and `Game.look` add: a free
+            ball, touching balls, and choices that follow from them or from a stalemate.
         verdicts: (m,) `VERDICT`.
         pockets: (m, n) int32, the pocket in which the shot potted the ball, -1 if it did not pot it.
         called: (m,) the called ball, or -1.
@@ -88,7 +88,8 @@ def play_batch(
     batch = simulate_batch(scene, starts, speeds, engine=setup.engine, spins=spins, threads=threads)
     pockets = np.full((m, setup.scene.n_balls), -1, np.int32)
     pockets[:, balls] = batch.pockets
-    facts, called, states = facts_of_shots(batch, np.array(balls)), np.zeros(m, CALL), np.array([state], STATE)
+    facts = facts_of_shots(rules.facts, batch, np.array(balls))
+    called, states = np.zeros(m, CALL), np.array([state])
     called["ball"] = NO_CALL.ball
     if state.call_shot and not state.break_shot:
         if calls is None:
@@ -113,7 +114,7 @@ def play_batch(
 def unplayed(game: GameState) -> PlayedBatch:
     """Returns a state as the result of one shot, which changed nothing."""
     pockets = np.full((1, len(game.positions)), -1, np.int32)
-    states, verdicts = np.array([game.state], STATE), np.zeros(1, VERDICT)
+    states, verdicts = np.array([game.state]), np.zeros(1, VERDICT)
     return PlayedBatch(game.positions[None], states, verdicts, pockets, np.full(1, NO_CALL.ball))
 
 
@@ -132,7 +133,7 @@ def best_call(setup: Setup, state: Any, played: PlayedShot) -> Call:
 def _see_shots(see, table, positions, states, facts, calls):  # out: facts
     """Writes the facts of m shots from one state, (1,), that need the positions after them, see `Game.see`."""
     for k in range(len(facts)):
-        facts[k].hidden = see(PlacementNumbers(*table), positions[k], states[0], facts[k], calls[k]).hidden
+        see(PlacementNumbers(*table), positions[k], states[0], facts[k], calls[k])
 
 
 @cached_by_scene

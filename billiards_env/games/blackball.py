@@ -18,16 +18,31 @@ The kernels have the arguments of `entry.Game`.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from billiards_env.games.entry import Game
-from billiards_env.games.game_state import BEHIND, ILLEGAL_BREAK, NO_FOUL, WRONG_POT, end, size, verdict
+from billiards_env.games.facts import USUAL, driven
+from billiards_env.games.game_state import BEHIND, ILLEGAL_BREAK, NO_FOUL, WRONG_POT, PlayerOrNone, end, size, verdict
 from billiards_env.games.pool import EIGHT, SOLIDS, STRIPES, group_of, group_or_eight, standard_foul
 from billiards_env.jit import inlined
 
 
+class Blackball(NamedTuple):
+    """The own state of blackball.
+
+    Attributes:
+        solids: The player who has the balls 1 to 7; -1 while the table is open.
+        free_ball: Whether the player has a free shot.
+    """
+
+    solids: PlayerOrNone = -1
+    free_ball: bool = False
+
+
 @inlined
-def free_shot(table, positions, state, on):
-    """Returns whether a foul gives the next player a free shot, as `Game.free_ball`: always (6a)."""
-    return True
+def settle(table, positions, state, verdict):
+    """Gives the next player a free shot after a foul, as `Game.settle` (6a)."""
+    state.free_ball = verdict.foul != NO_FOUL and not state.over
 
 
 @inlined
@@ -55,7 +70,7 @@ def blackball(state, facts, call):
     """
     player, free, group = state.player, state.free_ball, group_of(state, state.player)
     foul, own = standard_foul(facts, balls_on(state, player)), facts.potted & group
-    black = (facts.potted | facts.driven_off) & EIGHT
+    black, state.free_ball = (facts.potted | facts.driven_off) & EIGHT, False
     if facts.scratch or facts.cue_off:
         state.in_hand = BEHIND
     if state.break_shot:
@@ -91,8 +106,9 @@ GAMES = {
         n_players=(2, 2),
         editions=("2005",),
         deciding_ball=8,
-        groups=True,
-        free_ball=free_shot,
+        state=lambda balls: Blackball(),
+        facts=(*USUAL, driven),
+        settle=settle,
         page=(
             ("to win", "pot all balls of your group, then the black"),
             ("groups", "reds and yellows; a shot that pots balls of one group decides, but no break and no free shot"),

@@ -12,8 +12,10 @@ have the same number of innings (UMB, art. 29), so there is an equalising inning
 from __future__ import annotations
 
 import functools
+from typing import NamedTuple
 
 from billiards_env.games.entry import Game, no_spots
+from billiards_env.games.facts import USUAL, cushions_before_first, cushions_before_last, touched
 from billiards_env.games.game_state import (
     DRIVEN_OFF,
     NO_FOUL,
@@ -22,6 +24,9 @@ from billiards_env.games.game_state import (
     PUSH,
     RERACK,
     RERACK_ALL,
+    Count,
+    FoundBalls,
+    FoundNumber,
     end,
     verdict,
 )
@@ -30,9 +35,24 @@ from billiards_env.games.pool import leader
 from billiards_env.jit import inlined
 from billiards_env.physics.state import X, Y
 
+FACTS = *USUAL, cushions_before_first, touched, cushions_before_last
 RED = 1 << 1
 CUSHIONS_TO_TOUCH = 3
 """The cushion contacts before the second ball in three-cushion carom."""
+
+
+class Carom(NamedTuple):
+    """The own state of carom.
+
+    Attributes:
+        innings: The number of innings of each player; 0 for no limit.
+        touching: The object balls that touch the cue ball.
+        inning: With a limit of innings, the number of innings that all players have played.
+    """
+
+    innings: FoundNumber = 0
+    touching: FoundBalls = 0
+    inning: Count = 0
 
 
 @inlined
@@ -42,12 +62,12 @@ def red_to_open(state, player):
 
 
 @inlined
-def is_carom(facts, n_object_balls, cushions):
+def is_carom(touched, cushions_before_last, n_object_balls, cushions):
     """Returns whether the cue ball touches every object ball, the last one after some cushion contacts (UMB, art. 24).
 
     Several contacts with the same cushion count.
     """
-    return facts.touched == n_object_balls and facts.cushions_before_last >= cushions
+    return touched == n_object_balls and cushions_before_last >= cushions
 
 
 @inlined
@@ -77,10 +97,11 @@ def three_cushion(state, facts, call):
 @inlined
 def _carom(state, facts, cushions):
     foul = PUSH if facts.first & state.touching != 0 and facts.cushions_before_first == 0 else NO_FOUL
+    state.touching = 0
     if facts.driven_off != 0 or facts.cue_off:
         foul = DRIVEN_OFF
     legal = foul == NO_FOUL and facts.first & red_to_open(state, state.player) != 0
-    points = 1 if legal and is_carom(facts, 2, cushions) else 0
+    points = 1 if legal and is_carom(facts.touched, facts.cushions_before_last, 2, cushions) else 0
     reached = 0 < state.target <= state.scores[state.player] + points
     if state.innings == 0:
         if reached:
@@ -120,13 +141,13 @@ def on_starting_spots(table, positions, others, cue):
 
 
 @inlined
-def starting_position(table, positions, state):
-    """Sets up the balls as for the opening shot (UMB, art. 27), as `Game.rerack`."""
+def starting_position(table, positions, state, kind):
+    """Sets up the balls as for the opening shot (UMB, art. 27), as `Game.without_shot`."""
     on_starting_spots(table, positions, 0, state.cue_balls[0])
 
 
 @inlined
-def touching_on_spots(table, positions, state):
+def touching_on_spots(table, positions, state, kind):
     """Sets up the cue ball and the balls that touch it on the spots of three-cushion carom (UMB, paper F).
 
     The spots are the foot spot for the red ball, the head spot for the cue ball and the centre spot for the other ball.
@@ -168,8 +189,9 @@ _CAROM = functools.partial(
     spot=no_spots,
     rack=on_starting_spots,
     look=look,
-    rerack=starting_position,
-    has_innings=True,
+    state=lambda balls: Carom(),
+    facts=FACTS,
+    without_shot=starting_position,
 )
 _TOUCHING = ("touching balls", "the player plays away from a ball that touches the cue ball")
 GAMES = {
@@ -177,7 +199,7 @@ GAMES = {
     "three_cushion": _CAROM(
         three_cushion,
         cushions=CUSHIONS_TO_TOUCH,
-        rerack=touching_on_spots,
+        without_shot=touching_on_spots,
         page=(
             ("to win", "score the target"),
             _POINT,

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from billiards_env.games.game_state import MOST_PLAYERS, NOT_IN_HAND
+import numpy as np
+
+from billiards_env.games.facts import USUAL, facts_type, recorder
+from billiards_env.games.game_state import FIELDS, MOST_PLAYERS, NOT_IN_HAND, NoState, RulesState, hints_of, row_type
 from billiards_env.games.placement import spot_at_foot
 from billiards_env.jit import inlined
 from billiards_env.physics.state import CUE_BALL
@@ -32,45 +36,62 @@ def no_rack(table, positions, others, cue):
 
 
 @inlined
-def no_free_ball(table, positions, state, on):
-    """Returns False: the game has no free balls and no free shots (`Game.free_ball`)."""
-    return False
-
-
-@inlined
 def no_look(table, positions, state):
     """Leaves the state: the balls at rest add nothing to it (`Game.look`)."""
 
 
 @inlined
 def no_see(table, positions, state, facts, call):
-    """Returns the facts: the judge needs no positions (`Game.see`)."""
-    return facts
+    """Leaves the facts: the judge needs no positions (`Game.see`)."""
 
 
 @inlined
-def no_rerack(table, positions, state):
-    """Leaves the balls: no call sets them up again (`Game.rerack`)."""
+def no_settle(table, positions, state, verdict):
+    """Leaves the state: the verdict and the balls at rest add nothing to it (`Game.settle`)."""
+
+
+@inlined
+def no_rerack(table, positions, state, kind):
+    """Leaves the balls: no call sets them up again (`Game.without_shot`)."""
+
+
+@inlined
+def keep_scores(state, before):
+    """Keeps the scores and the fouls of a state that is replaced by the one before the shot (`Game.replace`)."""
+    for i in range(MOST_PLAYERS):
+        before.scores[i], before.fouls[i] = state.scores[i], state.fouls[i]
+
+
+def no_state(balls: int) -> NoState:
+    """Returns the own state of a game without own state (`Game.state`)."""
+    return NoState()
+
+
+def no_check(state: Any) -> str:
+    """Returns "": all balls of a custom opening are possible (`Game.check`)."""
+    return ""
 
 
 class Rules(NamedTuple):
     """The kernels of a game, an argument of the kernels of a turn. `Game` describes them."""
 
-    judge: Kernel
     legal: Kernel
+    record: Kernel
+    see: Kernel
+    judge: Kernel
     spot: Kernel
     rack: Kernel
-    free_ball: Kernel
-    see: Kernel
+    settle: Kernel
     look: Kernel
-    rerack: Kernel
+    without_shot: Kernel
+    replace: Kernel
 
 
 class Game(NamedTuple):
     """A game.
 
     Attributes:
-        judge: Kernel `(state, facts, call)`, see `referee.judged`. Returns the `Verdict` of a shot, and updates the
+        judge: Kernel `(state, facts, call)`, see `turn.judged`. Returns the `Verdict` of a shot, and updates the
             state for the next shot, except the turn, the scores and the balls on the table.
         legal: Kernel `(state, player)`. Returns the balls that the player may touch first.
         scene: The name of the usual scene.
@@ -93,23 +114,27 @@ class Game(NamedTuple):
             balls return to the foot spot.
         pockets: Whether the table has pockets.
         foot_corners: Whether the rules name the pockets 2 and 3, which must then be in the foot corners.
-        groups: Whether each player has a group of seven balls and then the eight ball.
         pots_any: Whether a legal shot may pot any ball, and not only those that may be touched first.
         cushions: The cushion contacts that the cue ball needs before the last ball of a carom.
         banks: For players: whether a ball scores only after it hits a cushion.
         sure_pot: For players: the expected points of a turn with a sure pot, in a game that is won by points.
         most_points: Function of the number of object balls. Returns the most points of a rack.
+        state: Function of the number of object balls. Returns the own state at the opening, a NamedTuple whose fields
+            have the types of `game_state`, such as `Count`. `Game.state_type` is the type of the whole state.
+        facts: The facts of a shot that the game uses, see `games.facts`.
+        check: Function of a state of a custom opening. Returns what is expected of the balls on the table, or "".
+        see: Kernel `(table, positions, state, facts, call)`. Writes the facts of a shot that need the positions after
+            it.
         spot: Kernel `(table, positions, balls, others, cue)`, see `placement.spot_at_foot`.
         rack: Kernel `(table, positions, others, cue)`, see `placement.rack_again`.
-        free_ball: Kernel `(table, positions, state, on)`, see `snooker.is_snookered`. Returns whether a foul gives the
-            next player a free ball or a free shot.
-        see: Kernel `(table, positions, state, facts, call)`. Returns the facts of a shot, with those that need the
-            positions after it.
-        look: Kernel `(table, positions, state)`. Sets what the balls at rest add to the state of the next shot, such as
+        settle: Kernel `(table, positions, state, verdict)`. Sets what the verdict and the balls at rest add to the
+            state after a shot, such as a free ball.
+        look: Kernel `(table, positions, state)`. Sets what the balls at rest add to the state before each shot, such as
             the touching balls.
-        rerack: Kernel `(table, positions, state)`. Sets up the balls again after the call "rerack", and changes the
-            state, except the player.
-        has_innings: Whether `Setup.innings` may limit the innings.
+        without_shot: Kernel `(table, positions, state, kind)`. Changes the balls and the own state after a call without
+            a shot, except "replace"; `kind` is the index in `CALLS`.
+        replace: Kernel `(state, before)`. Writes to the state before a shot what remains of the state after it, after
+            the call "replace".
     """
 
     judge: Kernel
@@ -131,21 +156,54 @@ class Game(NamedTuple):
     has_spots: bool = False
     pockets: bool = True
     foot_corners: bool = False
-    groups: bool = False
     pots_any: bool = False
     cushions: int = 0
     banks: bool = False
     sure_pot: float = 1.0
     most_points: Callable[[int], int] = int
+    state: Callable[[int], Any] = no_state
+    facts: tuple[Kernel, ...] = USUAL
+    check: Callable[[Any], str] = no_check
+    see: Kernel = no_see
     spot: Kernel = spot_at_foot
     rack: Kernel = no_rack
-    free_ball: Kernel = no_free_ball
-    see: Kernel = no_see
+    settle: Kernel = no_settle
     look: Kernel = no_look
-    rerack: Kernel = no_rerack
-    has_innings: bool = False
+    without_shot: Kernel = no_rerack
+    replace: Kernel = keep_scores
+
+    @property
+    def record(self) -> Kernel:
+        """The kernel that records the facts."""
+        return recorder(self.facts)
+
+    @property
+    def facts_type(self) -> np.dtype[Any]:
+        """The type of the facts of a shot."""
+        return facts_type(self.facts)
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """The fields of the state that a custom opening may set, and that a file has, in the form of `to_dict`."""
+        names = [name for name in self.state_names if FIELDS[name].given]
+        return tuple("on_table" if name == "object_balls" else name for name in names)
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """The names of the fields of a state."""
+        return (self.state_type.names or ())[:-1]
+
+    @property
+    def state_type(self) -> np.dtype[Any]:
+        """The type of a state."""
+        return _state_type(type(self.state(self.n_object_balls[1])))
 
     @property
     def kernels(self) -> Rules:
         """The kernels."""
         return Rules(*(getattr(self, name) for name in Rules._fields))
+
+
+@functools.cache
+def _state_type(own: type) -> np.dtype[Any]:
+    return row_type(hints_of(RulesState, own))

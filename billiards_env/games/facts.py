@@ -1,15 +1,29 @@
-"""The facts of a shot that the rules use, from the records of the engine."""
+"""The facts of a shot that rules use, from the records of the engine.
+
+A fact is a kernel `(shots, k, bits)` that returns a number of shot k: its name, its type, its docstring and where it is
+recorded. A game lists the facts that it uses in `Game.facts`, and only those are recorded. The arguments are
+
+    shots: A NamedTuple with the fields of `Records`, such as `engine.Shots`.
+    k: The shot.
+    bits: (n,) int64, each ball as a set of balls.
+
+A set of balls never holds the ball that is struck.
+"""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.games.game_state import FACTS, FOOT_LEFT, FOOT_RIGHT, Facts
+from billiards_env.games.game_state import FOOT_LEFT, FOOT_RIGHT, Balls, row_type, size
 from billiards_env.jit import entry_point, inlined
 from billiards_env.shots.result import ShotResult
+
+Kernel = Callable[..., Any]
 
 
 class Records(NamedTuple):
@@ -35,92 +49,218 @@ class Records(NamedTuple):
 
 
 @inlined
-def facts_of_shot(k, shots, bits):
-    """Returns the `Facts` of shot k.
-
-    Args:
-        k: The shot.
-        shots: A NamedTuple with the fields of `Records`, such as `engine.Shots`.
-        bits: (n,) int64, each ball as a set of balls.
-    """
-    cue, hit = shots.cue[k], shots.first_hit[k]
-    scratch, hits = shots.pockets[k, cue] >= 0, shots.cushions[k, cue]
-    first, touched, before_last, potted, first_potted, driven = 0, 0, 0, 0, 0, 0
-    banked, foot_right, foot_left, earliest, driven_off = 0, 0, 0, len(bits), 0
+def balls_that(has, shots, k, bits):
+    """Returns the set of the object balls i with `has(shots, k, i)`, a kernel."""
+    balls = 0
     for i in range(len(bits)):
-        if i == cue:
-            continue
-        if shots.cushions_before_hit[k, i] >= 0:
-            touched += 1
-            before_last = max(before_last, shots.cushions_before_hit[k, i])
-            if shots.touched_first[k, i]:
-                first |= bits[i]
-        pocket = shots.pockets[k, i]
-        if pocket >= 0:
-            potted |= bits[i]
-            banked |= bits[i] if shots.cushions[k, i] > 0 else 0
-            foot_right |= bits[i] if pocket == FOOT_RIGHT else 0
-            foot_left |= bits[i] if pocket == FOOT_LEFT else 0
-            if shots.pot_order[k, i] < earliest:
-                first_potted, earliest = bits[i], shots.pot_order[k, i]
-        elif shots.pot_order[k, i] >= 0:
-            driven_off |= bits[i]
-        if pocket >= 0 or shots.cushions[k, i] > 0:
-            driven |= bits[i]
+        if i != shots.cue[k] and has(shots, k, i):
+            balls |= bits[i]
+    return balls
+
+
+@inlined
+def _touches_first(shots, k, i):
+    return shots.touched_first[k, i] and shots.cushions_before_hit[k, i] >= 0
+
+
+@inlined
+def first(shots, k, bits) -> Balls:
+    """The balls that the cue ball touched first; several if it touched them at the same instant."""
+    return balls_that(_touches_first, shots, k, bits)
+
+
+@inlined
+def cushions_before_first(shots, k, bits) -> int:
+    """Number of cushion contacts of the cue ball before it touched the first balls."""
+    hit = shots.first_hit[k]
+    return shots.cushions_before_hit[k, hit] if hit >= 0 else 0
+
+
+@inlined
+def _is_touched(shots, k, i):
+    return shots.cushions_before_hit[k, i] >= 0
+
+
+@inlined
+def touched(shots, k, bits) -> int:
+    """Number of balls that the cue ball touched."""
+    return size(balls_that(_is_touched, shots, k, bits))
+
+
+@inlined
+def cushions_before_last(shots, k, bits) -> int:
+    """Number of cushion contacts of the cue ball before it touched the last of the balls that it touched."""
+    most = 0
+    for i in range(len(bits)):
+        if i != shots.cue[k]:
+            most = max(most, shots.cushions_before_hit[k, i])
+    return most
+
+
+@inlined
+def _is_potted(shots, k, i):
+    return shots.pockets[k, i] >= 0
+
+
+@inlined
+def potted(shots, k, bits) -> Balls:
+    """The potted object balls."""
+    return balls_that(_is_potted, shots, k, bits)
+
+
+@inlined
+def first_potted(shots, k, bits) -> Balls:
+    """The object ball that was potted first, as a set; 0 if there is none."""
+    ball, earliest = 0, len(bits)
+    for i in range(len(bits)):
+        if i != shots.cue[k] and shots.pockets[k, i] >= 0 and shots.pot_order[k, i] < earliest:
+            ball, earliest = bits[i], shots.pot_order[k, i]
+    return ball
+
+
+@inlined
+def _hits_and_drops(shots, k, i):
+    return shots.pockets[k, i] >= 0 and shots.cushions[k, i] > 0 and _touches_first(shots, k, i)
+
+
+@inlined
+def banked(shots, k, bits) -> Balls:
+    """The potted object balls that the cue ball touched first, before it hit a cushion itself, and that hit a cushion.
+
+    A jaw of a pocket counts.
+    """
+    return balls_that(_hits_and_drops, shots, k, bits) if cushions_before_first(shots, k, bits) == 0 else 0
+
+
+@inlined
+def _drops_right(shots, k, i):
+    return shots.pockets[k, i] == FOOT_RIGHT
+
+
+@inlined
+def foot_right(shots, k, bits) -> Balls:
+    """The object balls potted in pocket 2, the foot corner with y < 0 of `scene.six_pockets`."""
+    return balls_that(_drops_right, shots, k, bits)
+
+
+@inlined
+def _drops_left(shots, k, i):
+    return shots.pockets[k, i] == FOOT_LEFT
+
+
+@inlined
+def foot_left(shots, k, bits) -> Balls:
+    """The object balls potted in pocket 3, the foot corner with y > 0."""
+    return balls_that(_drops_left, shots, k, bits)
+
+
+@inlined
+def scratch(shots, k, bits) -> bool:
+    """Whether the cue ball was potted."""
+    return shots.pockets[k, shots.cue[k]] >= 0
+
+
+@inlined
+def _is_driven(shots, k, i):
+    return shots.pockets[k, i] >= 0 or shots.cushions[k, i] > 0
+
+
+@inlined
+def driven(shots, k, bits) -> Balls:
+    """The object balls that hit a cushion or were potted (WPA 8.4)."""
+    return balls_that(_is_driven, shots, k, bits)
+
+
+@inlined
+def cue_driven(shots, k, bits) -> bool:
+    """Whether the cue ball hit a cushion or was potted (WPA 8.4)."""
+    return _is_driven(shots, k, shots.cue[k])
+
+
+@inlined
+def cushion_after(shots, k, bits) -> bool:
+    """Whether any ball hit a cushion or was potted after the cue ball's first contact with a ball."""
     # No object ball moves before the first contact, or before the strike that drives it together with the cue ball.
-    before_first = shots.cushions_before_hit[k, hit] if hit >= 0 else 0
-    met = hit >= 0 and (scratch or driven != 0 or hits > before_first)
-    return Facts(
-        first,  # numba accepts at most 30 values and names
-        before_first,
-        touched,
-        before_last,
-        potted,
-        first_potted=first_potted,
-        banked=banked & first if before_first == 0 else 0,
-        foot_right=foot_right,
-        foot_left=foot_left,
-        scratch=scratch,
-        cushion_after=met,
-        driven=driven,
-        cue_driven=hits > 0 or scratch,
-        driven_off=driven_off,
-        cue_off=shots.pot_order[k, cue] >= 0 and not scratch,
-        hidden=False,
-    )
+    after = shots.cushions[k, shots.cue[k]] > cushions_before_first(shots, k, bits)
+    return shots.first_hit[k] >= 0 and (after or scratch(shots, k, bits) or driven(shots, k, bits) != 0)
+
+
+@inlined
+def _flies_off(shots, k, i):
+    return shots.pot_order[k, i] >= 0 and shots.pockets[k, i] < 0
+
+
+@inlined
+def driven_off(shots, k, bits) -> Balls:
+    """The object balls that were driven off the table, in scenes with flight."""
+    return balls_that(_flies_off, shots, k, bits)
+
+
+@inlined
+def cue_off(shots, k, bits) -> bool:
+    """Whether the cue ball was driven off the table."""
+    return _flies_off(shots, k, shots.cue[k])
+
+
+USUAL = first, potted, scratch, cushion_after, driven_off, cue_off
+"""The facts of `pool.standard_foul`. The referee uses `potted` and `driven_off` in each game."""
+
+
+def name_of(fact: Kernel) -> str:
+    """Returns the name of a fact."""
+    return getattr(fact, "py_func", fact).__name__
+
+
+@functools.cache
+def facts_type(facts: tuple[Kernel, ...]) -> np.dtype[Any]:
+    """Returns the type of the rows of facts."""
+    functions = [getattr(one, "py_func", one) for one in facts]
+    return row_type({one.__name__: get_type_hints(one, include_extras=True)["return"] for one in functions})
+
+
+@inlined
+def _record_none(shots, k, bits, row):
+    """Writes no fact."""
+
+
+@functools.cache
+def recorder(facts: tuple[Kernel, ...]) -> Kernel:
+    """Returns the kernel `(shots, k, bits, row)` that writes the facts of shot k to a row of `facts_type`."""
+    record = _record_none
+    for fact in facts:
+        record = _with_one_more(record, name_of(fact), fact)
+    return record
+
+
+def _with_one_more(others: Kernel, name: str, fact: Kernel) -> Kernel:
+    @inlined
+    def record(shots, k, bits, row):  # out: row
+        others(shots, k, bits, row)
+        row[name] = fact(shots, k, bits)
+
+    return record
 
 
 @entry_point
-def write_facts(records, bits, facts):
-    """Writes the facts of m shots to `facts`, (m,) `FACTS`; `records` are the fields of `Records`."""
-    shots = Records(*records)
-    for k in range(len(facts)):
-        shot, row = facts_of_shot(k, shots, bits), facts[k]
-        row.first, row.touched, row.cushions_before_last = shot.first, shot.touched, shot.cushions_before_last
-        row.cushions_before_first = shot.cushions_before_first
-        row.potted, row.first_potted, row.scratch = shot.potted, shot.first_potted, shot.scratch
-        row.banked, row.foot_right, row.foot_left = shot.banked, shot.foot_right, shot.foot_left
-        row.cushion_after, row.driven, row.cue_driven = shot.cushion_after, shot.driven, shot.cue_driven
-        row.driven_off, row.cue_off = shot.driven_off, shot.cue_off
+def _write_facts(record, records, bits, rows):  # out: rows
+    for k in range(len(rows)):
+        record(Records(*records), k, bits, rows[k])
 
 
-def facts_of_shots(shots: Any, balls: NDArray[np.int64] | None = None) -> NDArray[Any]:
-    """Returns the facts of m shots, (m,) `FACTS`.
+def facts_of_shots(facts: tuple[Kernel, ...], shots: Any, balls: NDArray[np.int64] | None = None) -> NDArray[Any]:
+    """Returns the facts of m shots, (m,) `facts_type`.
 
     Args:
+        facts: The facts, such as `Game.facts`.
         shots: An object with the fields of `Records`, such as a `BatchResult`.
         balls: (n,) the numbers of the balls in the sets of balls; None for 0 to n - 1.
     """
-    return _facts([getattr(shots, name) for name in Records._fields], balls)
+    records = [getattr(shots, name) for name in Records._fields]
+    rows, n = np.zeros(len(records[0]), facts_type(facts)), records[1].shape[1]
+    _write_facts(recorder(facts), tuple(records), np.left_shift(1, np.arange(n) if balls is None else balls), rows)
+    return rows
 
 
-def facts_of(shot: ShotResult) -> Any:
-    """Returns the facts of a shot, a row of `FACTS`."""
-    return _facts([np.asarray(getattr(shot, name))[None] for name in Records._fields], None)[0]
-
-
-def _facts(records: list[NDArray[Any]], balls: NDArray[np.int64] | None) -> NDArray[Any]:
-    m, n = records[Records._fields.index("cushions")].shape
-    facts = np.zeros(m, FACTS)
-    write_facts(tuple(records), np.left_shift(1, np.arange(n) if balls is None else balls), facts)
-    return facts
+def facts_of(facts: tuple[Kernel, ...], shot: ShotResult) -> Any:
+    """Returns the facts of a shot, a row of `facts_type`."""
+    return facts_of_shots(facts, Records(*(np.asarray(getattr(shot, name))[None] for name in Records._fields)))[0]

@@ -1,15 +1,16 @@
 """The state of a game, the facts of a shot, the call and the verdict: one structured type each.
 
-`STATE`, `FACTS`, `CALL` and `VERDICT` are the types of arrays of m games or shots; a single game is a row. The classes
-`RulesState`, `Facts`, `Called` and `Verdict` describe their fields, and `row(RulesState(player=1))` makes a row.
-Compiled code reads and changes rows. Sets of balls are bit masks: bit i is ball i. `to_dict` converts a row to a dict
-of names and tuples.
+`STATE`, `CALL` and `VERDICT` are the types of arrays of m games or shots; a single game is a row. `RulesState`,
+`Called` and `Verdict` describe their fields, and `row({"ball": 1}, CALL)` makes a row. `Game.state_type` is the type of
+the states of a game: the fields of `RulesState` and those of the game's own, `Game.state`. `Game.facts_type` has the
+facts that the game uses. Compiled code reads and changes rows. Sets of balls are bit masks: bit i is ball i. `to_dict`
+converts a row to a dict of names and tuples.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, NamedTuple, get_type_hints
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,8 @@ MOST_BALLS = 63
 FOOT_RIGHT, FOOT_LEFT = 2, 3
 """The pockets in the foot corners, in the order of `scene.six_pockets`: with y < 0 and with y > 0."""
 
-OfPlayers = tuple[int, int, int, int]
-Pair = tuple[int, int]
+MAX_SCORE = 1_000_000
+"""The largest absolute value of a score."""
 
 IN_HAND = ("no", "behind", "anywhere")
 """Whether the cue ball is in hand (WPA 1.5): not in hand, behind the head string (in snooker in the D), or anywhere on
@@ -66,8 +67,41 @@ one on the table (WPA 4.4)."""
 NO_RERACK, RERACK_ALL, RERACK_REST = range(len(RERACKS))
 
 
+class Field(NamedTuple):
+    """The meaning of the numbers of a field of a row.
+
+    Attributes:
+        least: The smallest number.
+        most: The largest number; None for the number of players less 1.
+        names: What an index, or a member of a set, stands for.
+        is_set: Whether the number is a set: of balls or, with `names`, of names.
+        given: Whether a custom opening may set the field. The settings and the balls determine the others.
+    """
+
+    least: int = 0
+    most: int | None = MAX_SCORE
+    names: tuple[str, ...] = ()
+    is_set: bool = False
+    given: bool = True
+
+
+Count = Annotated[int, Field()]
+Player = Annotated[int, Field(most=None)]
+PlayerOrNone = Annotated[int, Field(least=-1, most=None)]
+Balls = Annotated[int, Field(is_set=True)]
+FoundBalls = Annotated[int, Field(is_set=True, given=False)]
+FoundNumber = Annotated[int, Field(given=False)]
+FoundFlag = Annotated[bool, Field(given=False)]
+"""The types of the fields of a state, with `bool`. Those of names that begin with "Found" follow from the settings or
+from the balls."""
+
+
+class NoState(NamedTuple):
+    """The own state of a game without own state."""
+
+
 class RulesState(NamedTuple):
-    """The state of the rules between two shots: everything except the positions of the balls.
+    """The state of the rules between two shots that each game has: everything except the positions of the balls.
 
     Attributes:
         player: The player to shoot, 0 to n_players - 1.
@@ -80,52 +114,32 @@ class RulesState(NamedTuple):
         break_shot: Whether the next shot is the opening break.
         in_hand: Index in `IN_HAND`.
         choices: The choices of the player besides a shot: bit i is `CALLS[i]`.
-        solids: In eight ball, the player who has the balls 1 to 7; -1 while the table is open.
         target: The score that wins, or 0 if no score does.
         call_shot: Whether shots are called: a potted ball counts only if the ball and its pocket were called (WPA 1.6).
-        miss: Whether snooker is played with the miss rule.
         edition: Index in `Game.editions` of the edition of the rules.
-        innings: In carom, the number of innings of each player; 0 for no limit.
-        reds: In snooker, the number of red balls of a full table: the balls 1 to `reds`.
-        colour: In snooker, whether a colour of the player's choice is on.
-        free_ball: Whether the player has a free ball (snooker) or a free shot (blackball).
-        touching: In snooker and carom, the object balls that touch the cue ball.
-        in_sight: In snooker with the miss rule, whether the cue ball can hit a ball on full.
-        misses: In snooker, the number of misses in a row that the player made from this position.
-        inning: In carom with a limit of innings, the number of innings that all players have played.
         breaker: The player who played the last opening break.
         idle: The number of shots in a row without a pot, a point or a foul.
         over: Whether the game is over.
         winner: The player who has won, or -1.
     """
 
-    player: int = 0
-    n_players: int = 2
-    scores: OfPlayers = (0, 0, 0, 0)
-    fouls: OfPlayers = (0, 0, 0, 0)
-    balls: int = 0
-    object_balls: int = 0
-    cue_balls: Pair = (CUE_BALL, CUE_BALL)
+    player: Player = 0
+    n_players: FoundNumber = 2
+    scores: Annotated[tuple[int, int, int, int], Field(least=-MAX_SCORE)] = (0, 0, 0, 0)
+    fouls: Annotated[tuple[int, int, int, int], Field(most=2)] = (0, 0, 0, 0)
+    balls: FoundBalls = 0
+    object_balls: Balls = 0
+    cue_balls: tuple[int, int] = (CUE_BALL, CUE_BALL)
     break_shot: bool = False
-    in_hand: int = NOT_IN_HAND
-    choices: int = 0
-    solids: int = -1
-    target: int = 0
-    call_shot: bool = False
-    miss: bool = False
-    edition: int = 0
-    innings: int = 0
-    reds: int = 0
-    colour: bool = False
-    free_ball: bool = False
-    touching: int = 0
-    in_sight: bool = False
-    misses: int = 0
-    inning: int = 0
-    breaker: int = 0
-    idle: int = 0
-    over: bool = False
-    winner: int = -1
+    in_hand: Annotated[int, Field(names=IN_HAND)] = NOT_IN_HAND
+    choices: Annotated[int, Field(names=CALLS, is_set=True)] = 0
+    target: FoundNumber = 0
+    call_shot: FoundFlag = False
+    edition: FoundNumber = 0
+    breaker: Player = 0
+    idle: Count = 0
+    over: FoundFlag = False
+    winner: Annotated[int, Field(least=-1, most=None, given=False)] = -1
 
 
 class Called(NamedTuple):
@@ -138,49 +152,8 @@ class Called(NamedTuple):
     """
 
     ball: int = -1
-    kind: int = SHOT
+    kind: Annotated[int, Field(names=CALLS)] = SHOT
     made: bool = False
-
-
-class Facts(NamedTuple):
-    """The facts of a shot that the rules use. A set of balls never holds the ball that is struck.
-
-    Attributes:
-        first: The balls that the cue ball touched first; several if it touched them at the same instant.
-        cushions_before_first: Number of cushion contacts of the cue ball before it touched these balls.
-        touched: Number of balls that the cue ball touched.
-        cushions_before_last: Number of cushion contacts of the cue ball before it touched the last of these balls.
-        potted: The potted object balls.
-        first_potted: The object ball that was potted first, as a set; 0 if there is none.
-        banked: The potted object balls that the cue ball touched first, before it hit a cushion itself, and that hit a
-            cushion; a jaw of a pocket counts.
-        foot_right: The object balls potted in pocket 2, the foot corner with y < 0 of `scene.six_pockets`.
-        foot_left: The object balls potted in pocket 3, the foot corner with y > 0.
-        scratch: Whether the cue ball was potted.
-        cushion_after: Whether any ball hit a cushion or was potted after the cue ball's first contact with a ball.
-        driven: The object balls that hit a cushion or were potted (WPA 8.4).
-        cue_driven: Whether the cue ball hit a cushion or was potted (WPA 8.4).
-        driven_off: The object balls that were driven off the table, in scenes with flight.
-        cue_off: Whether the cue ball was driven off the table.
-        hidden: In snooker, whether the free ball hides all balls on at the end of the shot; see `Game.see`.
-    """
-
-    first: int = 0
-    cushions_before_first: int = 0
-    touched: int = 0
-    cushions_before_last: int = 0
-    potted: int = 0
-    first_potted: int = 0
-    banked: int = 0
-    foot_right: int = 0
-    foot_left: int = 0
-    scratch: bool = False
-    cushion_after: bool = False
-    driven: int = 0
-    cue_driven: bool = False
-    driven_off: int = 0
-    cue_off: bool = False
-    hidden: bool = False
 
 
 class Verdict(NamedTuple):
@@ -195,39 +168,64 @@ class Verdict(NamedTuple):
         rack: Index in `RERACKS`.
     """
 
-    foul: int = NO_FOUL
+    foul: Annotated[int, Field(names=FOULS)] = NO_FOUL
     points: int = 0
     penalty: int = 0
     continues: bool = False
-    spotted: int = 0
-    rack: int = NO_RERACK
+    spotted: Balls = 0
+    rack: Annotated[int, Field(names=RERACKS)] = NO_RERACK
 
 
-def _row_type(fields: type) -> np.dtype[Any]:
-    """Returns the type of the rows of a structured array with the fields of a NamedTuple.
+FIELDS: dict[str, Field] = {}
+"""The meaning of each field of all rows, by name. A name has one meaning."""
+
+
+def hints_of(*rows: type) -> dict[str, Any]:
+    """Returns the types of the fields of NamedTuples, by name.
+
+    Raises:
+        ValueError: If two of them have a field of the same name.
+    """
+    hints: dict[str, Any] = {}
+    for one in rows:
+        own = get_type_hints(one, include_extras=True)
+        if again := hints.keys() & own.keys():
+            raise ValueError(f"{one.__name__}.{min(again)}: expected another name than those of `RulesState`")
+        hints |= own
+    return hints
+
+
+def row_type(hints: Mapping[str, Any]) -> np.dtype[Any]:
+    """Returns the type of the rows of a structured array with some fields, and adds them to `FIELDS`.
 
     The bools come last, and the zero bytes of `spare` fill a row to a multiple of 8 bytes. Each byte of a row then
     belongs to a field. NumPy does not copy gaps between fields, so equal rows with gaps could have different bytes.
+
+    Args:
+        hints: The type of each field: an int, a bool or a tuple of ints, alone or annotated with a `Field`.
+
+    Raises:
+        ValueError: If a name has another meaning in other rows.
     """
-    kinds = {int: np.int64, bool: np.bool_, OfPlayers: (np.int64, MOST_PLAYERS), Pair: (np.int64, 2)}
-    types = sorted(get_type_hints(fields).items(), key=lambda item: item[1] is bool)
-    packed = np.dtype([(name, kinds[kind]) for name, kind in types])
-    spare = ("spare", f"S{-packed.itemsize % 8}")
-    return np.dtype((np.record, np.dtype([*packed.descr, spare], align=True)))
+    types: list[Any] = []
+    for name, hint in hints.items():
+        kind, *notes = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+        field = notes[0] if notes else Field()
+        if FIELDS.setdefault(name, field) != field:
+            raise ValueError(f"field {name!r} is a {field}: expected the meaning that it has elsewhere, {FIELDS[name]}")
+        types.append((name, np.bool_ if kind is bool else (np.int64, (len(get_args(kind)),) if get_args(kind) else ())))
+    types.sort(key=lambda item: item[1] is np.bool_)
+    spare = ("spare", f"S{-np.dtype(types).itemsize % 8}")
+    return np.dtype((np.record, np.dtype([*types, spare], align=True)))
 
 
-STATE, CALL, FACTS, VERDICT = (_row_type(fields) for fields in (RulesState, Called, Facts, Verdict))
-_TYPES = {RulesState: STATE, Called: CALL, Facts: FACTS, Verdict: VERDICT}
-
-_NAMES = {"foul": FOULS, "in_hand": IN_HAND, "rack": RERACKS, "kind": CALLS, "choices": CALLS}
-_SETS = {"balls", "object_balls", "choices", "first", "potted", "first_potted", "banked", "foot_right", "foot_left"}
-_SETS |= {"driven", "driven_off", "spotted", "touching"}
+STATE, CALL, VERDICT = (row_type(hints_of(kind)) for kind in (RulesState, Called, Verdict))
 
 
-def row(fields: RulesState | Called | Facts | Verdict) -> Any:
-    """Returns a row of a structured array."""
-    made = np.zeros(1, _TYPES[type(fields)])
-    for name, value in fields._asdict().items():
+def row(fields: Mapping[str, Any], kind: np.dtype[Any]) -> Any:
+    """Returns a row of a structured array with some fields; the others are 0."""
+    made = np.zeros(1, kind)
+    for name, value in fields.items():
         made[name] = value
     return made[0]
 
@@ -248,13 +246,14 @@ def to_dict(row: Any) -> dict[str, Any]:
     """
     values: dict[str, Any] = {}
     for name in row.dtype.names[:-1]:  # without `spare`
-        value, names = row[name].tolist(), _NAMES.get(name)
-        if name in _SETS:
+        value: Any = row[name].tolist()
+        names, is_set = FIELDS[name].names, FIELDS[name].is_set
+        if is_set:
             value = members(value)
         elif isinstance(value, list):
             value = tuple(value[: row["n_players"]] if len(value) == MOST_PLAYERS else dict.fromkeys(value))
-        if names is not None:
-            value = tuple(names[i] for i in value) if name in _SETS else names[value]
+        if names:
+            value = tuple(names[i] for i in value) if is_set else names[value]
         values[name] = value
     if "object_balls" in values:
         values["on_table"] = members(on_table(row))
@@ -280,18 +279,22 @@ def is_in(mask: Any, n: int) -> NDArray[np.bool_]:
 def check_indices(states: Any, n_balls: int = MOST_BALLS) -> None:
     """Raises a ValueError unless the players, balls and sets of m states exist: compiled code uses them as indices."""
     players, cues = states["n_players"], states["cue_balls"]
-    for name in ("player", "breaker"):
-        player = states[name]
-        if not ((player >= 0) & (player < players) & (players <= MOST_PLAYERS)).all():
-            raise ValueError(f"{name} = {short(player)} of {short(players)} players: expected 0 to the number less 1")
     if not ((cues >= 0) & (cues < n_balls)).all():
         raise ValueError(f"cue_balls = {short(cues)}: expected numbers of balls")
-    for name, bits in (*((name, n_balls) for name in ("balls", "object_balls", "touching")), ("choices", len(CALLS))):
-        if np.count_nonzero(states[name] >> bits):  # -1 for a negative number
-            raise ValueError(f"{name} = {short(states[name])}: expected a set of numbers below {bits}")
-    for name, most in (("reds", n_balls - 1), ("in_hand", len(IN_HAND) - 1)):
-        if not ((states[name] >= 0) & (states[name] <= most)).all():
-            raise ValueError(f"{name} = {short(states[name])}: expected 0 to {most}")
+    for name in states.dtype.names[:-1]:
+        field, numbers = FIELDS[name], states[name]
+        if field.is_set:
+            bits = len(field.names) or n_balls
+            if np.count_nonzero(numbers >> bits):  # -1 for a negative number
+                raise ValueError(f"{name} = {short(numbers)}: expected a set of numbers below {bits}")
+        elif field.most is None:
+            if not ((numbers >= field.least) & (numbers < players) & (players <= MOST_PLAYERS)).all():
+                expected = f"expected {field.least} to the number less 1"
+                raise ValueError(f"{name} = {short(numbers)} of {short(players)} players: {expected}")
+        elif field.names or not field.given:
+            most = len(field.names) - 1 if field.names else field.most
+            if most < MAX_SCORE and not ((numbers >= field.least) & (numbers <= most)).all():
+                raise ValueError(f"{name} = {short(numbers)}: expected {field.least} to {most}")
 
 
 def on_table(states: Any) -> Any:
@@ -315,29 +318,6 @@ def write_verdict(verdict, row):  # out: row
     """Writes a `Verdict` to a row of `VERDICT`."""
     row.foul, row.points, row.penalty = verdict.foul, verdict.points, verdict.penalty
     row.continues, row.spotted, row.rack = verdict.continues, verdict.spotted, verdict.rack
-
-
-@inlined
-def with_hidden(facts, hidden):
-    """Returns `Facts` with another value of `hidden`."""
-    return Facts(
-        facts.first,  # numba accepts at most 30 values and names
-        facts.cushions_before_first,
-        facts.touched,
-        facts.cushions_before_last,
-        facts.potted,
-        first_potted=facts.first_potted,
-        banked=facts.banked,
-        foot_right=facts.foot_right,
-        foot_left=facts.foot_left,
-        scratch=facts.scratch,
-        cushion_after=facts.cushion_after,
-        driven=facts.driven,
-        cue_driven=facts.cue_driven,
-        driven_off=facts.driven_off,
-        cue_off=facts.cue_off,
-        hidden=hidden,
-    )
 
 
 @inlined

@@ -19,6 +19,7 @@ from __future__ import annotations
 import functools
 
 from billiards_env.games.entry import Game
+from billiards_env.games.facts import USUAL, foot_left, foot_right
 from billiards_env.games.game_state import BEHIND, NO_FOUL, SCRATCH, end, size, verdict
 from billiards_env.games.pool import any_ball, standard_foul
 from billiards_env.jit import inlined
@@ -115,6 +116,7 @@ GAMES = {
         one_pocket,
         won_by="`target` points: balls in the own foot corner, by default a majority",
         foot_corners=True,
+        facts=(*USUAL, foot_right, foot_left),
         page=(
             ("to win", "score the target with a point for each ball in your own pocket"),
             ("pockets", "player 1 owns the lower right pocket, player 2 the upper right pocket"),

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine.compile import cached_by_scene
-from billiards_env.games.game_state import BEHIND, BREAK_AGAIN, NOT_IN_HAND, RERACK, STALEMATE, STATE
+from billiards_env.games.game_state import BEHIND, BREAK_AGAIN, HAND_BACK, NOT_IN_HAND, RERACK, STALEMATE
 from billiards_env.jit import entry_point, inlined, kernel
 from billiards_env.physics.geometry.pockets import bounding_circle
 from billiards_env.physics.state import X, Y
@@ -152,7 +152,7 @@ def area_of(table, ball, behind):
 
 @inlined
 def cue_ball_area_of(table, state):
-    """Returns the `Area` in which a cue ball in hand may be placed; `state` is a row of `STATE`."""
+    """Returns the `Area` in which a cue ball in hand may be placed; `state` is a row of `Game.state_type`."""
     return area_of(table, state.cue_balls[0], state.in_hand == BEHIND)
 
 
@@ -418,11 +418,12 @@ def rack_again(table, positions, others, cue):  # out: positions
 
 
 @inlined
-def rack_and_break(table, positions, state):  # out: positions, state
-    """Racks all object balls for an opening break, as `Game.rerack`. The scores stay."""
-    rack_again(table, positions, 0, state.cue_balls[0])
-    state.object_balls, state.solids, state.idle = state.balls, -1, 0
-    state.break_shot, state.in_hand = True, BEHIND
+def rack_and_break(table, positions, state, kind):  # out: positions, state
+    """Racks all object balls for an opening break, as `Game.without_shot`; not after "hand_back". The scores stay."""
+    if kind != HAND_BACK:
+        rack_again(table, positions, 0, state.cue_balls[0])
+        state.object_balls, state.idle = state.balls, 0
+        state.break_shot, state.in_hand = True, BEHIND
 
 
 @inlined
@@ -490,7 +491,7 @@ def cue_ball_point(scene: Scene, positions: NDArray[Any], state: Any, point: Poi
     Raises:
         ValueError: If no point is free.
     """
-    placed, states = np.array(positions, float)[None], np.array([state], STATE)
+    placed, states = np.array(positions, float)[None], np.array([state])
     if place_cue_balls(placement_numbers(scene, ()), placed, states, np.array([point], float)) >= 0:
         raise no_room(cue_ball_area(scene, state))
     x, y = placed[0, state.cue_balls[0]].tolist()

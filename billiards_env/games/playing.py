@@ -17,23 +17,21 @@ from billiards_env.engine.compile import PIC, Engine, check_engine, scene_fields
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.engine.shots import RISING
-from billiards_env.games.entry import Game, no_free_ball, no_look
+from billiards_env.games.entry import Game, no_look
 from billiards_env.games.facts import facts_of
 from billiards_env.games.game_state import (
     CALL,
     CALLS,
-    FACTS,
+    FIELDS,
     FOOT_LEFT,
     FOOT_RIGHT,
     IN_HAND,
+    MAX_SCORE,
     MOST_PLAYERS,
     NO_SHOT,
     NOT_IN_HAND,
     REPLACE,
-    STATE,
-    Called,
-    Facts,
-    Verdict,
+    VERDICT,
     changed,
     in_play,
     is_in,
@@ -45,7 +43,7 @@ from billiards_env.games.game_state import (
 )
 from billiards_env.games.placement import cue_ball_point
 from billiards_env.games.referee import GAMES, callable_balls, first_state, legal_balls
-from billiards_env.games.transition import call_without_shots, look_at_games, next_games, table_of
+from billiards_env.games.turn import call_without_shots, look_at_games, next_games, table_of
 from billiards_env.jit import kernels_of
 from billiards_env.scene import Scene, check_ends_on_cloth, check_positions, check_scene, layouts
 from billiards_env.scene.outline import Point
@@ -63,28 +61,6 @@ from billiards_env.support.checks import (
     short,
     short_name,
 )
-
-MAX_SCORE = 1_000_000
-"""The largest absolute value of a score."""
-
-COUNTS = ("misses", "inning", "breaker", "idle")
-"""The whole numbers of a state that are 0 at the opening of a game."""
-
-STATE_FIELDS = (
-    "player",
-    "scores",
-    "on_table",
-    "break_shot",
-    "in_hand",
-    "cue_balls",
-    "solids",
-    "choices",
-    "fouls",
-    "colour",
-    "free_ball",
-    *COUNTS,
-)
-"""The fields of `state.to_dict` that a custom opening may set. The setup of the game sets the others."""
 
 
 class Call(NamedTuple):
@@ -156,7 +132,7 @@ class Setup:
         edition = rules.editions[0] if self.edition is None else self.edition
         one_of("edition", edition, rules.editions)
         object.__setattr__(self, "edition", edition)
-        most = MAX_SCORE if rules.has_innings else 0
+        most = MAX_SCORE if "innings" in rules.state_names else 0
         innings = integer("innings", self.innings, Range(0, most, f"for rules {self.rules!r}"))
         object.__setattr__(self, "innings", innings)
         if rules.target is None:
@@ -169,7 +145,7 @@ class Setup:
                 target = result_of(what, object, rules.target, balls)
             object.__setattr__(self, "target", integer(what, target, Range(0, MAX_SCORE)))
         _ = self.placement_table  # raises if the scene has no spots or no rack
-        for name, possible in (("call_shot", rules.callable is not None), ("miss", "replace" in rules.choices)):
+        for name, possible in (("call_shot", rules.callable is not None), ("miss", "miss" in rules.state_names)):
             what = f"{name} = True with rules {self.rules!r}"
             _expect(not flag(name, getattr(self, name)) or possible, what, "False, the game has no such rule")
         check_engine(self.engine)
@@ -181,13 +157,14 @@ class Setup:
 
     @property
     def placement_table(self) -> tuple[Any, ...]:
-        """The argument `table` of the kernels that place balls, see `transition.table_of`."""
+        """The argument `table` of the kernels that place balls, see `turn.table_of`."""
         return table_of(self.game_rules, self.scene, self.target or 0, self.rack)
 
     @property
     def state_fields(self) -> dict[str, Any]:
-        """The fields of `RulesState` that stay the same in a game."""
-        same = {name: getattr(self, name) for name in ("n_players", "call_shot", "miss", "innings")}
+        """The fields of the state that stay the same in a game."""
+        names = {"n_players", "call_shot", "miss", "innings"} & set(self.game_rules.state_names)
+        same = {name: getattr(self, name) for name in names}
         return {**same, "target": self.target or 0, "edition": self.game_rules.editions.index(self.edition or "")}
 
     @property
@@ -221,7 +198,7 @@ def _expect(condition: Any, value: str, expected: str) -> None:
 
 
 def _asked(state: Any, player: int | None) -> tuple[NDArray[Any], NDArray[np.int64]]:
-    return np.array([state], STATE), np.array([state.player if player is None else player])
+    return np.array([state]), np.array([state.player if player is None else player])
 
 
 def choices(state: Any) -> tuple[str, ...]:
@@ -235,7 +212,7 @@ class GameState(NamedTuple):
     Attributes:
         positions: (n, 2) float64, m. A potted ball is at the centre of its pocket. A cue ball in hand is at its last
             position.
-        state: The state of the rules, a row of `STATE`.
+        state: The state of the rules, a row of `Game.state_type`.
         before: The state before the last shot, if the player may make the opponent play that shot again (the call
             "replace").
     """
@@ -271,7 +248,7 @@ class PlayedShot(NamedTuple):
         game: The state after the shot.
         shot_input: The arguments of the engine.
         shot: The recorded shot.
-        facts: The facts that the rules use, a row of `FACTS`.
+        facts: The facts that the rules use, a row of `Game.facts_type`.
         verdict: The verdict on the shot, a row of `VERDICT`.
     """
 
@@ -342,7 +319,7 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     Args:
         setup: The settings of the game.
         positions: (n, 2) m.
-        state: The fields of `STATE_FIELDS` to set, in the form of `state.to_dict`. By default player 0 is to shoot,
+        state: The fields of `Game.given` to set, in the form of `state.to_dict`. By default player 0 is to shoot,
             all balls are on the table, the shot is not a break and the cue ball is not in hand.
 
     Returns:
@@ -351,31 +328,21 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
     Raises:
         ValueError: If a field is unknown or invalid, or the positions are invalid.
     """
-    default = to_dict(opening_state(setup)) | {"break_shot": False, "in_hand": "no"}
+    rules, n, players = setup.game_rules, setup.scene.n_balls, setup.n_players
+    names, default = rules.given, to_dict(opening_state(setup)) | {"break_shot": False, "in_hand": "no"}
     changes = {} if state is None else state
     _expect(isinstance(changes, Mapping), f"state = {short(state)}", "a mapping")
     for key in changes:
-        one_of("key of state", key, tuple(sorted(STATE_FIELDS)))
-    values: dict[str, Any] = {name: changes.get(name, default[name]) for name in STATE_FIELDS}
+        one_of("key of state", key, tuple(sorted(names)))
+    values: dict[str, Any] = {name: changes.get(name, default[name]) for name in names}
     shown = {name: f"state.{name} = {short(value)}" for name, value in values.items()}
-    rules, n, players = setup.game_rules, setup.scene.n_balls, setup.n_players
-    integer("state.player", values["player"], Range(0, players - 1))
-    integer("state.solids", values["solids"], Range(-1, players - 1 if rules.groups else -1))
-    for name in COUNTS:
-        integer(f"state.{name}", values[name], Range(0, players - 1 if name == "breaker" else MAX_SCORE))
-    ball = Range(0, n - 1)
-    limits = {"scores": Range(-MAX_SCORE, MAX_SCORE), "on_table": ball, "cue_balls": ball, "fouls": Range(0, 2)}
-    for name, limit in limits.items():
-        kinds = (list, tuple, *((set, frozenset) if name == "on_table" else ()))
-        _expect(isinstance(values[name], kinds), shown[name], "a list of whole numbers")
-        for i, value in enumerate(values[name]):
-            integer(f"state.{name}[{i}]", value, limit)
+    for name, value in values.items():
+        _check_field(name, value, default[name], n, players)
     for name in ("scores", "fouls"):
         _expect(len(values[name]) == players, shown[name], f"{players} {name}, one per player")
     below = not setup.target or max(values["scores"]) < setup.target
     _expect(below, shown["scores"], f"scores below the target, {setup.target}")
-    balls, cues = set(values["on_table"]), values["cue_balls"]
-    _expect(len(balls) == len(values["on_table"]), shown["on_table"], "each ball once")
+    balls, cues = set(values.pop("on_table")), values["cue_balls"]
     _expect(sorted(cues) == sorted(rules.cue_balls), shown["cue_balls"], f"{rules.cue_balls} in some order")
     # Cue balls and the ball that decides the game are on the table until the end.
     required = set(range(n))
@@ -384,24 +351,9 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
         required = {*rules.cue_balls, *(() if deciding is None else (deciding % n,))}
     enough = required <= balls and len(balls) > 1
     _expect(enough, shown["on_table"], f"the balls {sorted(required)} and at least one object ball")
-    flags = {"break_shot": True, "colour": rules.has_spots, "free_ball": rules.free_ball is not no_free_ball}
-    for name, possible in flags.items():
-        _expect(
-            not flag(f"state.{name}", values[name]) or possible, f"{shown[name]} with rules {setup.rules!r}", "False"
-        )
-    if rules.has_spots:
-        # The colours on the table are all of them or, without reds, the highest ones.
-        reds = default["reds"]
-        colours = sorted(ball for ball in balls if ball > reds)
-        count = 6 if values["colour"] or len(balls) > 1 + len(colours) else len(colours)
-        highest = colours == list(range(reds + 7 - count, reds + 7))
-        _expect(highest, shown["on_table"], "all colours, or without reds the highest ones")
-    _expect(isinstance(values["choices"], (list, tuple)), shown["choices"], "a list of names")
     for i, choice in enumerate(values["choices"]):  # "replace" needs the state before the shot
         one_of(f"state.choices[{i}]", choice, tuple(name for name in rules.choices if name != "replace"))
     one_of("state.in_hand", values["in_hand"], IN_HAND if rules.pockets else IN_HAND[:1])
-
-    del values["on_table"]
     spare = (0,) * (MOST_PLAYERS - players)
     values |= {
         "object_balls": set_of(balls - {cues[0]}),
@@ -411,13 +363,32 @@ def custom_opening(setup: Setup, positions: ArrayLike, state: Mapping[str, Any] 
         **{name: (*values[name], *spare) for name in ("scores", "fouls")},
     }
     rule_state = changed(opening_state(setup), **values)
+    expected = rules.check(rule_state)
+    _expect(not expected, shown["on_table"], expected)
     array = check_positions(setup.scene, shaped("positions", positions, (n, 2)), in_play=is_in(in_play(rule_state), n))
     return GameState(array, _looked_at(setup, array, rule_state))
 
 
+def _check_field(name: str, value: Any, usual: Any, n_balls: int, n_players: int) -> None:
+    """Raises unless a field of a custom opening has the type of the usual value and numbers in its range."""
+    shown, field = f"state.{name}", FIELDS[{"on_table": "object_balls"}.get(name, name)]
+    most = n_balls - 1 if field.is_set or name == "cue_balls" else n_players - 1 if field.most is None else field.most
+    if isinstance(usual, bool):
+        flag(shown, value)
+    elif isinstance(usual, tuple):
+        kinds = (list, tuple, *((set, frozenset) if field.is_set else ()))
+        _expect(isinstance(value, kinds), f"{shown} = {short(value)}", "a list")
+        for i, one in enumerate(value if not field.names else ()):
+            integer(f"{shown}[{i}]", one, Range(field.least, most))
+        once = field.names or not field.is_set or len(set(value)) == len(value)
+        _expect(once, f"{shown} = {short(value)}", "each ball once")
+    elif not field.names:
+        integer(shown, value, Range(field.least, most))
+
+
 def _looked_at(setup: Setup, positions: NDArray[np.float64], state: Any) -> Any:
     """Returns a state after `Game.look` at the balls at rest."""
-    states = np.array([state], STATE)
+    states = np.array([state])
     if setup.game_rules.look is not no_look:
         with kernels_of(f"rules = {setup.rules!r}"):
             look_at_games(setup.game_rules.kernels, setup.placement_table, positions[None], states)
@@ -462,20 +433,22 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     strike_frozen(scene, scene_fields(scene), shot_input.as_batch())
     shot = run_shot(scene, shot_input, setup.engine, record=True)
     if no_shot:
-        return PlayedShot(_without_shot(setup, game, stroke.call), shot_input, shot, row(Facts()), row(Verdict()))
-    facts, call = facts_of(shot), stroke.call
-    called = row(Called(call.ball, CALLS.index(call.kind), (call.ball, call.pocket) in shot.pots))
-    shots = (np.array([one], kind) for one, kind in ((state, STATE), (facts, FACTS), (called, CALL)))
+        none = row({}, setup.game_rules.facts_type), row({}, VERDICT)
+        return PlayedShot(_without_shot(setup, game, stroke.call), shot_input, shot, *none)
+    rules, call = setup.game_rules, stroke.call
+    called = {"ball": call.ball, "kind": CALLS.index(call.kind), "made": (call.ball, call.pocket) in shot.pots}
     with kernels_of(f"rules = {setup.rules!r}"):
-        (positions,), (following,), (verdict,) = next_games(setup.game_rules, scene, shot.positions[None], *shots)
+        facts = facts_of(rules.facts, shot)
+        shots = (np.array([one]) for one in (state, facts, row(called, CALL)))
+        (positions,), (following,), (verdict,) = next_games(rules, scene, shot.positions[None], *shots)
     before = game._replace(before=None) if following.choices >> REPLACE & 1 else None
     return PlayedShot(GameState(positions, following, before), shot_input, shot, facts, verdict)
 
 
 def _without_shot(setup: Setup, game: GameState, call: Call) -> GameState:
     """Returns the state after a player has played no shot, by a call of `NO_SHOT`."""
-    now, before = ((one.positions[None].copy(), np.array([one.state], STATE)) for one in (game, game.before or game))
-    calls = np.array([row(Called(kind=CALLS.index(call.kind)))], CALL)
+    now, before = ((one.positions[None].copy(), np.array([one.state])) for one in (game, game.before or game))
+    calls = np.array([row({"ball": -1, "kind": CALLS.index(call.kind)}, CALL)])
     with kernels_of(f"rules = {setup.rules!r}"):
         call_without_shots(setup.game_rules.kernels, setup.placement_table, calls, *now, before)
     (positions,), (state,) = now

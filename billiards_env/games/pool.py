@@ -34,8 +34,10 @@ The kernels have the arguments of `entry.Game`.
 from __future__ import annotations
 
 import functools
+from typing import NamedTuple
 
 from billiards_env.games.entry import Game, no_target
+from billiards_env.games.facts import USUAL, cue_driven, driven, first_potted
 from billiards_env.games.game_state import (
     ANYWHERE,
     BEHIND,
@@ -54,6 +56,7 @@ from billiards_env.games.game_state import (
     SCRATCH,
     SHOT,
     WRONG_BALL,
+    PlayerOrNone,
     end,
     size,
     verdict,
@@ -70,6 +73,21 @@ IN_2025 = EDITIONS.index("2025")
 
 SOLIDS, EIGHT, STRIPES = sum(1 << i for i in range(1, 8)), 1 << 8, sum(1 << i for i in range(9, 16))
 NINE, TEN = 1 << 9, 1 << 10
+
+
+class Groups(NamedTuple):
+    """The own state of eight ball.
+
+    Attributes:
+        solids: The player who has the balls 1 to 7; -1 while the table is open.
+    """
+
+    solids: PlayerOrNone = -1
+
+
+def groups_of(balls: int) -> Groups:
+    """Returns the own state of eight ball at the opening, as `Game.state`."""
+    return Groups()
 
 
 @inlined
@@ -297,6 +315,13 @@ def eight_ball(state, facts, call):
 
 
 @inlined
+def rack_eight_ball(table, positions, state, kind):
+    """Racks the balls after a call for a new rack, as `Game.without_shot`. The table is open."""
+    rack_and_break(table, positions, state, kind)
+    state.solids = -1
+
+
+@inlined
 def chosen_group(facts, counted):
     """Returns the group that a shot on an open table chooses: that of the counted ball that was potted first."""
     both = counted & SOLIDS != 0 and counted & STRIPES != 0
@@ -314,7 +339,8 @@ _POOL = functools.partial(
     layouts=("rack", "tight_rack", "random"),
     editions=EDITIONS,
     look=offer_new_rack,
-    rerack=rack_and_break,
+    without_shot=rack_and_break,
+    facts=(*USUAL, driven),
 )
 _ROTATION = functools.partial(
     _POOL, legal=lowest_ball, choices=("push_out", "hand_back", "stalemate"), counts_fouls=True, pots_any=True
@@ -330,6 +356,7 @@ GAMES = {
         choices=("break_again", "stalemate"),
         counts_fouls=True,
         sure_pot=4.0,
+        facts=(*USUAL, driven, cue_driven),
         rack=rack_again,
         page=(
             ("to win", "score the target with a point for each ball; without one, most points in a rack"),
@@ -349,7 +376,9 @@ GAMES = {
         callable=group_or_eight,
         choices=("rerack", "break_again", "stalemate"),
         deciding_ball=8,
-        groups=True,
+        state=groups_of,
+        facts=(*USUAL, driven, first_potted),
+        without_shot=rack_eight_ball,
         page=(
             ("to win", "pot all balls of your group, then the 8"),
             ("groups", "solids 1 to 7, stripes 9 to 15, or reds and yellows; the first pot after the break decides"),

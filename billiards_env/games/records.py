@@ -12,7 +12,7 @@ from typing import Any, overload
 import numpy as np
 
 from billiards_env.games.game_state import CALLS, to_dict
-from billiards_env.games.playing import STATE_FIELDS, Call, GameState, History, Setup, Stroke, custom_opening, play
+from billiards_env.games.playing import Call, GameState, History, Setup, Stroke, custom_opening, play
 from billiards_env.shots import records as shots
 from billiards_env.shots.records import Rows, ShotRecord, check_equal, fields, head, items, pair, rows_of, tuples
 from billiards_env.shots.result import ShotResult
@@ -50,7 +50,7 @@ class GameRecord:
     Attributes:
         setup: The settings of the game.
         positions: x and y of each ball before the first stroke, m.
-        state: The state of the rules before the first stroke, a row of `STATE`.
+        state: The state of the rules before the first stroke, a row of `Game.state_type`.
         strokes: The strokes, in order.
         end: The result.
     """
@@ -146,7 +146,7 @@ def to_json(record: Record) -> str:
         raise TypeError(f"record = {short(record)}: expected the result of ShotResult.to_record or record_game")
     data, state = shots.plain(record.setup), to_dict(record.state)
     data["positions"] = record.positions
-    data["state"] = {name: state[name] for name in STATE_FIELDS}
+    data["state"] = {name: state[name] for name in record.setup.game_rules.given}
     data["strokes"] = [stroke._asdict() | {"call": stroke.call._asdict()} for stroke in record.strokes]
     data["end"] = dataclasses.asdict(record.end)
     return shots.json_text(GAME, data)
@@ -172,7 +172,7 @@ def _game(data: dict[str, Any]) -> GameRecord:
     n = scene.n_balls
     setup = Setup(scene=scene, engine=engine, **{name: data[name] for name in _SETTINGS})
     positions = rows_of("positions", data["positions"], n, 2)
-    state = custom_opening(setup, positions, fields("state", data["state"], STATE_FIELDS)).state
+    state = custom_opening(setup, positions, fields("state", data["state"], setup.game_rules.given)).state
     strokes = []
     for i, item in enumerate(items("strokes", data["strokes"])):
         stroke = fields(f"strokes[{i}]", item, Stroke._fields)

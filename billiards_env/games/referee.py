@@ -1,8 +1,7 @@
 """The referee: judges arrays of shots of any game, and returns the states before the next shots.
 
 No other code computes the next state: the tasks, the PettingZoo environment, the players and the window use
-`judge_shots` or its kernel `judged`. The referee does not use the positions of the balls. `games.transition` calls
-the referee, places the balls that return to the table, and then looks at the balls at rest.
+`judge_shots` or the kernels of `games.turn`. `judge_shots` does not use the positions of the balls.
 """
 
 from __future__ import annotations
@@ -17,15 +16,11 @@ from billiards_env.games import bank_pool, blackball, carom, one_pocket, pool, s
 from billiards_env.games.entry import Game
 from billiards_env.games.game_state import (
     BEHIND,
-    BREAKING_FOUL,
     CALLS,
     MOST_BALLS,
     MOST_PLAYERS,
-    NO_FOUL,
-    NO_RERACK,
     NOT_IN_HAND,
     PUSH_OUT,
-    RERACK_ALL,
     VERDICT,
     RulesState,
     check_indices,
@@ -33,17 +28,18 @@ from billiards_env.games.game_state import (
     set_of,
     write_verdict,
 )
-from billiards_env.jit import entry_point, inlined, kernels_of
+from billiards_env.games.turn import judged
+from billiards_env.jit import entry_point, kernels_of
 from billiards_env.support.checks import Range, add_entry, entry_of, one_of, sequence
 
 FAMILIES = pool, one_pocket, bank_pool, blackball, snooker, carom
 """The modules with the rules of the games."""
 
 ARGUMENTS = {
-    **dict.fromkeys(("target", "most_points"), 1),
-    **dict.fromkeys(("legal", "callable"), 2),
-    **dict.fromkeys(("judge", "look", "rerack"), 3),
-    **dict.fromkeys(("rack", "free_ball"), 4),
+    **dict.fromkeys(("target", "most_points", "state", "check"), 1),
+    **dict.fromkeys(("legal", "callable", "replace"), 2),
+    **dict.fromkeys(("judge", "look"), 3),
+    **dict.fromkeys(("rack", "settle", "without_shot"), 4),
     **dict.fromkeys(("spot", "see"), 5),
 }
 """The number of arguments of each function of a `Game`."""
@@ -74,43 +70,6 @@ def register_game(name: str, game: Game) -> None:
     add_entry("game", name, game, GAMES, Game, _RANGES, **ARGUMENTS)
 
 
-@inlined
-def judged(judge, state, facts, call):
-    """Judges a shot and changes the state to the one before the next shot. A potted cue ball returns to the table.
-
-    Args:
-        judge: The kernel `Game.judge` of the game.
-        state: Row of `STATE`, which changes.
-        facts: `Facts`, or a row of `FACTS`.
-        call: `Called`, or a row of `CALL`.
-
-    Returns:
-        The `Verdict`.
-    """
-    state.in_hand, state.choices = NOT_IN_HAND, 0
-    verdict = judge(state, facts, call)
-    if state.break_shot:
-        state.breaker = state.player
-    state.idle = 0 if verdict.foul != NO_FOUL or verdict.points != 0 or facts.potted != 0 else state.idle + 1
-    player, following = state.player, (state.player + 1) % state.n_players
-    state.scores[player] += verdict.points | 0  # does not compile for a float, which NumPy would round
-    state.scores[following] += verdict.penalty | 0
-    # A breaking foul is not one of three consecutive fouls (WPA 4.11); the third one clears the count.
-    fouled = verdict.foul != NO_FOUL and verdict.foul != BREAKING_FOUL and verdict.rack != RERACK_ALL
-    state.fouls[player] = state.fouls[player] + 1 if fouled else 0
-    state.object_balls = (state.object_balls & ~(facts.potted | facts.driven_off)) | verdict.spotted
-    if verdict.rack != NO_RERACK:
-        state.object_balls = state.balls
-    state.break_shot, state.free_ball = verdict.rack == RERACK_ALL, False
-    state.touching, state.in_sight = 0, False
-    if not verdict.continues:
-        state.player = following
-        struck, other = state.cue_balls[0], state.cue_balls[1]
-        state.cue_balls[0], state.cue_balls[1] = other, struck
-        state.object_balls = (state.object_balls | 1 << struck) & ~(1 << other)
-    return verdict
-
-
 def judge_shots(
     game: str, states: NDArray[Any], facts: NDArray[Any], calls: NDArray[Any]
 ) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -118,19 +77,20 @@ def judge_shots(
 
     Args:
         game: One of `GAMES`.
-        states: (m,) `STATE`, the state before each shot.
-        facts: (m,) `FACTS`, the facts of each shot.
+        states: (m,) `Game.state_type`, the state before each shot.
+        facts: (m,) `Game.facts_type`, the facts of each shot.
         calls: (m,) `CALL`, the call of each shot.
 
     Returns:
-        (m,) `STATE` before the next shots, and (m,) `VERDICT`.
+        (m,) `Game.state_type` before the next shots, and (m,) `VERDICT`.
 
     Raises:
         ValueError: If the game is unknown, the arrays have different lengths, or a player does not exist.
 
     Example:
-        >>> from billiards_env.games import CALL, FACTS, FOULS, STATE
-        >>> states, facts, calls = (np.zeros(3, kind) for kind in (STATE, FACTS, CALL))
+        >>> from billiards_env.games import CALL, FOULS
+        >>> game = GAMES["nine_ball"]
+        >>> states, facts, calls = (np.zeros(3, kind) for kind in (game.state_type, game.facts_type, CALL))
         >>> states["n_players"], states["object_balls"], facts["first"] = 2, 1 << 4 | 1 << 9, [0, 1 << 4, 1 << 9]
         >>> states, verdicts = judge_shots("nine_ball", states, facts, calls)
         >>> [FOULS[foul] for foul in verdicts["foul"]], states["player"].tolist()
@@ -148,9 +108,9 @@ def judge_shots(
 
 
 def first_state(game: str, n_balls: int, **fields: Any) -> Any:
-    """Returns the state at the opening of a game, a row of `STATE`: player 0 breaks.
+    """Returns the state at the opening of a game, a row of `Game.state_type`: player 0 breaks.
 
-    In games with pockets the cue ball is in hand. `fields` are other fields of `RulesState`.
+    In games with pockets the cue ball is in hand. `fields` are other fields of its state.
     """
     entry = entry_of("game", game, GAMES)
     first, second = entry.cue_balls[0], entry.cue_balls[-1]
@@ -160,9 +120,8 @@ def first_state(game: str, n_balls: int, **fields: Any) -> Any:
         cue_balls=(first, second),
         break_shot=True,
         in_hand=BEHIND if entry.pockets else NOT_IN_HAND,
-        reds=n_balls - 7 if entry.has_spots else 0,
     )
-    return row(usual._replace(**fields))
+    return row({**usual._asdict(), **entry.state(n_balls - 1)._asdict(), **fields}, entry.state_type)
 
 
 def legal_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -170,7 +129,7 @@ def legal_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) -> 
 
     Args:
         game: One of `GAMES`.
-        states: (m,) `STATE`.
+        states: (m,) `Game.state_type`.
         players: (m,) the players.
 
     Returns:

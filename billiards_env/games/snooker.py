@@ -21,25 +21,33 @@ The kernels have the arguments of `entry.Game`; sets of balls are bit masks.
 from __future__ import annotations
 
 import math
+from typing import Annotated, Any, NamedTuple
 
-from billiards_env.games.entry import Game, no_target
+from billiards_env.games.entry import Game, keep_scores, no_target
+from billiards_env.games.facts import USUAL, cushions_before_first
 from billiards_env.games.game_state import (
     BEHIND,
     DRIVEN_OFF,
     FREE_BALL,
     HAND_BACK,
+    MOST_BALLS,
     NO_FOUL,
     NO_HIT,
     NOT_IN_HAND,
     PUSH,
     REPLACE,
     SCRATCH,
+    STALEMATE,
     WRONG_BALL,
     WRONG_POT,
+    Count,
+    Field,
+    FoundBalls,
+    FoundFlag,
     end,
+    members,
     size,
     verdict,
-    with_hidden,
 )
 from billiards_env.games.placement import (
     Obstacles,
@@ -62,6 +70,34 @@ MOST_MISSES = 3
 """The number of misses in a row that lose the frame (WPBSA 3.14 d)."""
 
 _STEPS = 9  # places in the D along each axis at which a cue ball in hand is tested for a snooker
+
+
+class Snooker(NamedTuple):
+    """The own state of snooker.
+
+    Attributes:
+        reds: The number of red balls of a full table: the balls 1 to `reds`.
+        miss: Whether the game is played with the miss rule.
+        colour: Whether a colour of the player's choice is on.
+        free_ball: Whether the player has a free ball.
+        touching: The object balls that touch the cue ball.
+        in_sight: With the miss rule, whether the cue ball can hit a ball on full.
+        misses: The number of misses in a row that the player made from this position.
+    """
+
+    reds: Annotated[int, Field(most=MOST_BALLS, given=False)]
+    miss: FoundFlag = False
+    colour: bool = False
+    free_ball: bool = False
+    touching: FoundBalls = 0
+    in_sight: FoundFlag = False
+    misses: Count = 0
+
+
+@inlined
+def hidden(shots, k, bits) -> bool:
+    """Whether the free ball hides all balls on at the end of the shot. `see` finds it from the positions."""
+    return False
 
 
 @inlined
@@ -200,9 +236,10 @@ def snooker(state, facts, call):
     on, free = nominated(state, facts, call)
     value, foul = least_value(state, on), foul_of(state, facts, on, free)
     colours = state.object_balls & ~reds(state)
-    points, penalty = 0, 0
+    points, penalty, touches, in_sight = 0, 0, touches_ball_on(state, facts, on, free), state.in_sight
+    state.free_ball, state.touching, state.in_sight = False, 0, False
     if foul != NO_FOUL:
-        deemed = touches_ball_on(state, facts, on, free) and foul != PUSH
+        deemed = touches and foul != PUSH
         wrong = (facts.potted if deemed else facts.first | facts.potted) & ~(on | free) | facts.driven_off
         penalty = max(LEAST_PENALTY, max(value, greatest_value(state, wrong)))
         spotted = (facts.potted | facts.driven_off) & colours
@@ -226,10 +263,10 @@ def snooker(state, facts, call):
             return verdict(foul, points, penalty, False, black)
         end(state, state.player if mine > others else 1 - state.player)
         state.choices = 0
-    elif state.miss and not touches_ball_on(state, facts, on, free):
+    elif state.miss and not touches:
         lead = abs(state.scores[0] - state.scores[1])
         on_table = (state.object_balls & ~(facts.potted | facts.driven_off)) | spotted
-        again = state.in_sight and state.misses > 0
+        again = in_sight and state.misses > 0
         if again or (lead <= left and abs(mine - others) <= points_left(on_table, state.reds, False)):
             state.choices |= 1 << REPLACE
         if again and state.misses == MOST_MISSES - 1:
@@ -252,11 +289,11 @@ def look(table, positions, state):
 
 @inlined
 def see(table, positions, state, facts, call):
-    """Returns the facts of a shot with `hidden`, as `Game.see` (WPBSA 3.12 b)."""
+    """Finds the fact `hidden`, as `Game.see` (WPBSA 3.12 b)."""
     on, free = nominated(state, facts, call)
     alone = state.object_balls == 3 << (state.reds + 5)  # pink and black
     judged = free != 0 and facts.potted | facts.driven_off == 0 and not (facts.scratch or facts.cue_off or alone)
-    return with_hidden(facts, judged and is_hidden_behind(table, positions, state.object_balls, on, free))
+    facts.hidden = judged and is_hidden_behind(table, positions, state.object_balls, on, free)
 
 
 @inlined
@@ -286,12 +323,37 @@ def square_from_cue(positions, ball):
 
 
 @inlined
-def new_frame(table, positions, state):
-    """Begins a frame again after a stalemate, without points (WPBSA 3.16), as `Game.rerack`."""
-    rack_and_break(table, positions, state)
-    for player in range(state.n_players):
-        state.scores[player] = 0
-    state.colour, state.misses = False, 0
+def settle(table, positions, state, verdict):
+    """Gives the next player a free ball after a foul that snookers, as `Game.settle` (WPBSA 3.12)."""
+    if verdict.foul != NO_FOUL and not state.over:
+        state.free_ball = is_snookered(table, positions, state, balls_on(state, state.player))
+
+
+@inlined
+def without_shot(table, positions, state, kind):
+    """Begins a frame again after a stalemate, without points (WPBSA 3.16), as `Game.without_shot`."""
+    rack_and_break(table, positions, state, kind)
+    state.free_ball = False
+    if kind == STALEMATE:
+        for player in range(state.n_players):
+            state.scores[player] = 0
+        state.colour, state.misses = False, 0
+
+
+@inlined
+def replace(state, before):
+    """Counts the misses from a position in which a ball on can be hit full, as `Game.replace` (WPBSA 3.14 d)."""
+    keep_scores(state, before)
+    before.misses = before.misses + 1 if before.in_sight else 0
+
+
+def check(state: Any) -> str:
+    """Returns what is expected of the colours on the table, as `Game.check`: all or, without reds, the highest ones."""
+    on_table, reds = members(state.object_balls), int(state.reds)
+    colours = [ball for ball in on_table if ball > reds]
+    count = 6 if state.colour or len(on_table) > len(colours) else len(colours)
+    possible = colours == [*range(reds + 7 - count, reds + 7)]
+    return "" if possible else "all colours, or without reds the highest ones"
 
 
 @inlined
@@ -306,7 +368,7 @@ def is_snookered(table, positions, state, on):
     Args:
         table: `placement.PlacementNumbers`.
         positions: (n, 2) m.
-        state: Row of `STATE`.
+        state: A row of `Game.state_type`.
         on: The balls on.
     """
     if state.in_hand == NOT_IN_HAND:
@@ -374,10 +436,14 @@ GAMES = {
         sure_pot=8.0,
         most_points=lambda balls: 8 * balls - 21,
         spot=spot_colours,
-        free_ball=is_snookered,
+        state=lambda balls: Snooker(reds=balls - 6),
+        facts=(*USUAL, cushions_before_first, hidden),
+        check=check,
         see=see,
+        settle=settle,
         look=look,
-        rerack=new_frame,
+        without_shot=without_shot,
+        replace=replace,
         page=(
             ("to win", "have most points when the black is potted last"),
             ("order", "a red, then a colour, in turns; at the end the colours by value"),

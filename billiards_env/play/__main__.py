@@ -67,7 +67,8 @@ def make_parser() -> argparse.ArgumentParser:
     )
     add("--miss", action="store_true", help="snooker with the miss rule; needs --choices")
     add("--edition", help=f"the edition of the rules, for {_games(lambda game: len(game.editions) > 1)}")
-    text = f"innings of each player, for {_games(lambda game: game.has_innings)} (default: no limit)"
+    innings = _games(lambda game: "innings" in game.state_names)
+    text = f"innings of each player, for {innings} (default: no limit)"
     add("--innings", type=int, help=text)
     add("--max-speed", type=number, default=8.0, help="speed of the fastest shot, m/s (default: %(default)s)")
     add("--mode", help=f"the engine of the game: {' or '.join(MODES)} (default: pic)")

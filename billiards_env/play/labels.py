@@ -128,7 +128,7 @@ def status(model: WindowModel) -> str:
 def on(model: WindowModel) -> str:
     """Returns which balls the player may touch first."""
     setup, state = model.setup, model.game.state
-    scene, legal = setup.scene, setup.legal(state)
+    scene, legal, free = setup.scene, setup.legal(state), getattr(state, "free_ball", False)
     first = ball_name(scene, legal[0])
     if not setup.game_rules.pockets:
         needed = setup.game_rules.cushions
@@ -136,10 +136,10 @@ def on(model: WindowModel) -> str:
         return f"{ball_name(scene, model.cue)} cue ball, {balls}{f', {needed} cushions' * (needed > 0)}"
     if setup.game_rules.has_spots:
         chosen = f": {ball_name(scene, model.call.ball)}" if model.call.ball >= 0 else ""
-        if state.free_ball:
+        if free:
             return f"free ball{chosen or ', any ball'}"
         return f"on: a colour{chosen}" if state.colour else f"on: {first}"
-    if state.free_ball:
+    if free:
         return "free shot, any ball"
     if state.break_shot:
         return "break"
@@ -147,7 +147,7 @@ def on(model: WindowModel) -> str:
         return f"on: the {first}"
     if setup.game_rules.foot_corners:
         return f"any ball into the {pocket_name(scene, (FOOT_RIGHT, FOOT_LEFT)[state.player])}"
-    if not setup.game_rules.groups:
+    if not hasattr(state, "solids"):
         return "any ball"
     if state.solids < 0:
         return f"open table: any ball but the {ball_name(scene, 8)}"

@@ -428,7 +428,7 @@ def next_called(model: WindowModel, name: str) -> WindowModel:
     state, call, setup = model.game.state, model.aim.call, model.setup
     possible = range(len(setup.scene.table.pockets)) if state.call_shot else ()
     if name == "ball":
-        nominated = setup.legal(state) if state.colour or state.free_ball else ()
+        nominated = setup.legal(state) if getattr(state, "colour", False) or getattr(state, "free_ball", False) else ()
         possible = sorted(setup.callable(state) if state.call_shot else nominated)
     if model.phase != "aiming" or call.kind != "shot" or not possible:
         return model

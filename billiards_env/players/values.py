@@ -105,7 +105,7 @@ class Values:
 
         On an open table of eight ball both groups count, at most 8 balls.
         """
-        if not self._setup.game_rules.groups:
+        if "solids" not in self._setup.game_rules.state_names:
             return _sizes(states["object_balls"])
         return np.minimum(_sizes(legal & ~EIGHT) + 1.0, 8.0)
 

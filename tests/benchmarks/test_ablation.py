@@ -18,7 +18,7 @@ UNUSED = (
     "games.batch",
     "games.playing",
     "games.records",
-    "games.transition",
+    "games.turn",
     "play",
     "players",
     "pots",

@@ -5,7 +5,7 @@ import pytest
 
 from billiards_env.envs import make_env, tasks
 from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
-from billiards_env.games import STATE
+from billiards_env.games import GAMES
 from tests.helpers.environments import RUN_OUTS
 from tests.helpers.games import state
 
@@ -188,7 +188,8 @@ def run_out(task, before=(), potted=(), first=1, cushion=5, **fields):
         pockets=pot_order,
         pot_order=pot_order,
         touched_first=touched_first,
-        states=np.array([state(task, on_table=set(range(n)) - {*before}, **fields)], STATE),
+        states=np.array([state(task, on_table=set(range(n)) - {*before}, **fields)]),
+        facts=np.zeros(1, GAMES[task].facts_type),
         legal_balls=legal,
     )
     return result, set(np.flatnonzero(legal[0]).tolist())

@@ -5,26 +5,26 @@ from typing import Any
 
 import pytest
 
-from billiards_env.games import Call
+from billiards_env.games import GAMES, Call
 from billiards_env.games.batch import best_call
 from billiards_env.games.facts import facts_of_shots
-from tests.helpers.games import judge, record_of, ruling, setup, state, words
+from tests.helpers.games import facts_in_words, judge, record_of, ruling, setup, state
 
 BEHIND: dict[str, Any] = {"in_hand": "behind"}
 CALLED = {"call_shot": True}
 BANK = "hit 0 3, cushion 3, pocket 3 5"
 POINT = ruling(points=1, continues=True)
 
-FACTS = [
+LOGS = [
     ("hit 0 3, cushion 3, cushion 4, pocket 3, pocket 5, pocket 4", {"banked": (3,)}),
     ("cushion 0, cushion 0, hit 0 3, cushion 3, hit 0 4, pocket 3", {"banked": (), "cushions_before_last": 2}),
     ("cushion 0", {"banked": ()}),
 ]
 
 
-@pytest.mark.parametrize(("log", "expected"), FACTS)
+@pytest.mark.parametrize(("log", "expected"), LOGS)
 def test_facts(log, expected):
-    facts = words(facts_of_shots(record_of(log))[0])
+    facts = facts_in_words(log)
     assert {name: getattr(facts, name) for name in expected} == expected
 
 
@@ -95,6 +95,6 @@ def test_the_usual_games_end_at_five_of_nine_and_eight_of_fifteen():
 
 def test_the_call_that_a_player_does_not_choose_is_that_of_the_bank():
     record = record_of("hit 0 5, pocket 1 0, cushion 5, pocket 5 2")
-    played: Any = SimpleNamespace(facts=facts_of_shots(record)[0], pots=((1, 0), (5, 2)))
+    played: Any = SimpleNamespace(facts=facts_of_shots(GAMES["bank_pool"].facts, record)[0], pots=((1, 0), (5, 2)))
     assert best_call(setup("bank_pool"), state("bank_pool", call_shot=True), played) == Call(5, 2)
     assert best_call(setup("straight"), state("straight", call_shot=True), played) == Call(1, 0)

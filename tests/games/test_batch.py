@@ -9,9 +9,8 @@ import pytest
 from billiards_env.envs.arguments import make_model
 from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.tasks import TASKS
-from billiards_env.games import CALL, FACTS, FOULS, GAMES, STATE, Call, Stroke, custom_opening, opening, play, referee
+from billiards_env.games import CALL, FOULS, GAMES, Call, Stroke, custom_opening, opening, play, referee
 from billiards_env.games.batch import best_call, play_batch
-from billiards_env.games.entry import no_free_ball
 from billiards_env.games.game_state import changed, in_play, members, set_of
 from tests.helpers.games import setup, state
 
@@ -32,21 +31,17 @@ def mid_game(settings, rng):
     kept = balls[rng.random(len(balls)) < rng.uniform(0.2, 1.0)].tolist()
     always = range(len(balls) - 5, len(balls) + 1) if rules.has_spots else (rules.deciding_ball or 1,)
     fields = {"object_balls": set_of((*kept, *(ball % (len(balls) + 1) for ball in always)))}
-    if rules.groups:
-        fields["solids"] = int(rng.integers(-1, 2))
-    if rules.has_spots:
-        fields["colour"] = bool(rng.random() < 0.5)
-    if rules.free_ball is not no_free_ball:
-        fields["free_ball"] = bool(rng.random() < 0.3)
+    own = {"solids": rng.integers(-1, 2), "colour": rng.random() < 0.5, "free_ball": rng.random() < 0.3}
+    fields |= {name: value for name, value in own.items() if name in rules.state_type.names}
     return game._replace(state=changed(game.state, **fields))
 
 
 def played_as_task(settings, game, velocities):
-    """Returns the states after shots of a task that is a game, (m,) `STATE`, and whether the episodes are over."""
+    """Returns the states after shots of a task that is a game, (m,), and whether the episodes are over."""
     n = settings.scene.n_balls - 1
     model = make_model(scene="pool", task=settings.rules, n_object_balls=n, max_speed=MAX_SPEED, layout="random")
     episodes = Episodes(len(velocities), model)
-    episodes.state.positions[:], episodes.state.game[:] = game.positions, np.array([game.state], STATE)
+    episodes.state.positions[:], episodes.state.game[:] = game.positions, np.array([game.state])
     episodes.state.in_play[:] = [i == 0 or game.state.object_balls >> i & 1 for i in range(n + 1)]
     episodes.state.over[:] = False
     rewards = np.empty(len(velocities))
@@ -93,7 +88,8 @@ def test_a_batch_and_a_task_have_the_results_of_single_shots(kind, rules):
         assert batch.pockets.tolist() == [played.shot.pockets.tolist() for played in single]
         continues += batch.verdicts["continues"].sum()
         for after, positions, played in zip(batch.states, batch.positions, single, strict=True):
-            state = changed(played.game.state, free_ball=False, touching=0, in_sight=False)
+            found = {"free_ball", "touching", "in_sight"} & {*after.dtype.names}
+            state = changed(played.game.state, **dict.fromkeys(found, 0))
             assert after == state or played.verdict.rack  # a new rack may put the cue ball in hand
             if not played.verdict.spotted and not played.verdict.rack:  # a batch does not look for a free place
                 lying = list(members(in_play(after)))
@@ -140,15 +136,17 @@ def test_a_call_counts_if_its_ball_drops_in_its_pocket():
 
 
 def test_the_ball_that_was_potted_first_chooses_the_group():
-    states, calls = np.array([state("eight_ball")] * 2, STATE), np.zeros(2, CALL)
-    facts = np.zeros(2, FACTS)
+    states, calls = np.array([state("eight_ball")] * 2), np.zeros(2, CALL)
+    facts: Any = np.zeros(2, GAMES["eight_ball"].facts_type)
     facts["potted"], facts["cushion_after"], facts["first"] = 1 << 2 | 1 << 11, True, [1 << 3, 1 << 12]
     facts["first_potted"] = [1 << 11, 1 << 2]
     assert referee.judge_shots("eight_ball", states, facts, calls)[0]["solids"].tolist() == [1, 0]
 
 
 def test_wrong_arrays_are_refused():
-    states, facts, calls = np.zeros(2, STATE), np.zeros(2, FACTS), np.zeros(3, CALL)
+    game = GAMES["nine_ball"]
+    states: Any = np.zeros(2, game.state_type)
+    facts, calls = np.zeros(2, game.facts_type), np.zeros(3, CALL)
     with pytest.raises(ValueError, match=r"lengths \(2, 2, 3\): expected one length"):
         referee.judge_shots("carom", states, facts, calls)
     with pytest.raises(ValueError, match="game = 'croquet': expected one of"):

@@ -5,8 +5,8 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.games import Setup, Stroke, opening, play, referee
-from billiards_env.games.game_state import CALL, FACTS, STATE, Called, Facts, row, set_of
-from tests.helpers.games import state, words
+from billiards_env.games.game_state import set_of
+from tests.helpers.games import one_shot, state, words
 
 BLUE, BLACK = 19, 21
 BREAK = {"break_shot": True}
@@ -38,7 +38,7 @@ def test_a_ball_driven_off_the_table_is_a_foul(case):
     rules, fields, ball, points, spotted, in_hand, winner = case
     before = state(rules, **fields)
     first = before.object_balls & -before.object_balls if not fields.get("colour") else 1 << BLUE
-    after, verdict = judged(rules, before, Facts(first=first, driven_off=1 << ball, cushion_after=True, driven=30))
+    after, verdict = judged(rules, before, first=first, driven_off=1 << ball, cushion_after=True, driven=30)
     assert (verdict.foul, verdict.points + verdict.penalty, verdict.spotted) == ("driven_off", points, spotted)
     assert (after.in_hand, after.winner, verdict.continues) == (in_hand, winner, False)
     assert (ball in after.on_table) == (ball in spotted)
@@ -47,7 +47,7 @@ def test_a_ball_driven_off_the_table_is_a_foul(case):
 @pytest.mark.parametrize("rules", ["nine_ball", "eight_ball", "straight", "blackball", "snooker"])
 def test_a_cue_ball_driven_off_the_table_is_a_scratch(rules):  # WPA 6.1, WPBSA 3.10 a
     first = set_of([1])
-    after, verdict = judged(rules, state(rules), Facts(first=first, cue_off=True, cushion_after=True, cue_driven=True))
+    after, verdict = judged(rules, state(rules), first=first, cue_off=True, cushion_after=True, cue_driven=True)
     assert (verdict.foul, after.in_hand != "no") == ("scratch", True)
 
 
@@ -60,8 +60,7 @@ def test_a_cue_ball_that_flies_off_the_table_gives_ball_in_hand():
     assert (words(played.verdict).foul, words(played.game.state).in_hand) == ("scratch", "anywhere")
 
 
-def judged(rules, before, facts):
+def judged(rules, before, **facts):
     """Returns the state after a shot and the verdict, in words."""
-    arrays = (np.array([one], kind) for one, kind in ((before, STATE), (row(facts), FACTS), (row(Called()), CALL)))
-    (after,), (verdict,) = referee.judge_shots(rules, *arrays)
+    (after,), (verdict,) = referee.judge_shots(rules, *one_shot(rules, before, **facts))
     return words(after), words(verdict)

@@ -8,8 +8,7 @@ import pytest
 
 from billiards_env import Scene
 from billiards_env.games import Stroke, custom_opening, play
-from billiards_env.games.facts import facts_of_shots
-from tests.helpers.games import in_a_row, judge, record_of, ruling, setup, state, words
+from tests.helpers.games import facts_in_words, in_a_row, judge, ruling, setup, state, words
 
 BEHIND: dict[str, Any] = {"in_hand": "behind"}
 LEGAL = "hit 0 3, cushion 3"
@@ -17,7 +16,7 @@ POTTED = set(range(4, 16))  # the balls on the table; 1, 2 and 3 are potted
 
 
 def test_facts_of_the_foot_corners():
-    facts = words(facts_of_shots(record_of("hit 0 1, pocket 1 2, pocket 4 3, pocket 5 2, pocket 6 1, pocket 0 3"))[0])
+    facts = facts_in_words("hit 0 1, pocket 1 2, pocket 4 3, pocket 5 2, pocket 6 1, pocket 0 3")
     assert (facts.foot_right, facts.foot_left, facts.potted) == ((1, 5), (4,), (1, 4, 5, 6))
 
 

@@ -4,30 +4,32 @@ import numpy as np
 import pytest
 
 from billiards_env.games import GAMES, Setup, placement
-from billiards_env.games.game_state import CALL, FACTS, IN_HAND, STATE, Called, Facts, RulesState, row, set_of
-from billiards_env.games.transition import next_games
+from billiards_env.games.game_state import IN_HAND, changed, set_of
+from billiards_env.games.referee import first_state
+from billiards_env.games.turn import next_games
 from billiards_env.scene import Balls, Scene, Table, check_positions
 from billiards_env.scene.layouts import PLACING_GAP, layout_plan
+from tests.helpers.games import one_shot
 
 SCENE = Scene.named("pool", 15)
 R = SCENE.balls.radius[0]
 REACH = 2 * R + PLACING_GAP
 FOOT = SCENE.table.length / 4
+FIRST = first_state("straight", 16)
 AWAY = np.array([[-1.2 + 0.1 * i, 0.55] for i in range(16)])
 
 
 def place(point, on_table=(), in_hand="anywhere", positions=AWAY):
     """Returns the place of a cue ball in hand."""
-    state = row(RulesState(object_balls=set_of(on_table), in_hand=IN_HAND.index(in_hand)))
+    state = changed(FIRST, object_balls=set_of(on_table), in_hand=IN_HAND.index(in_hand))
     return placement.cue_ball_point(SCENE, positions, state, point)
 
 
 def after_shot(scene, positions, lying, potted, *, target=0, **facts):
     """Returns the positions and the state after a shot of straight pool that pots some balls; `lying` do not move."""
     balls = set_of(lying) | set_of(potted)
-    state = RulesState(balls=set_of(range(1, scene.n_balls)), object_balls=balls, target=target)
-    facts = row(Facts(potted=set_of(potted), **facts))
-    rows = (np.array([one], kind) for one, kind in ((row(state), STATE), (facts, FACTS), (row(Called()), CALL)))
+    state = first_state("straight", scene.n_balls, object_balls=balls, target=target, break_shot=False, in_hand=0)
+    rows = one_shot("straight", state, potted=set_of(potted), **facts)
     (placed,), (state,), _ = next_games(GAMES["straight"], scene, positions[None], *rows)
     return placed, state
 
@@ -91,7 +93,7 @@ def test_with_a_blocked_long_string_the_ball_is_placed_off_the_axis():
 def test_a_full_table_is_an_error():
     full = Scene(Balls((0.03, 0.095, 0.095, 0.095, 0.03), (1.0,) * 5), Table(0.6, 0.2))
     positions = np.array([[0.0, 0.0], [-0.2, 0.0], [0.0, 0.0], [0.2, 0.0], [0.0, 0.0]])
-    state = row(RulesState(object_balls=set_of((1, 2, 3)), in_hand=IN_HAND.index("anywhere")))
+    state = changed(FIRST, object_balls=set_of((1, 2, 3)), in_hand=IN_HAND.index("anywhere"))
     area = r"no room for a ball in x -0\.269 to 0\.269 m, y -0\.069\d* to 0\.069\d* m: expected a free point"
     with pytest.raises(ValueError, match=area):
         placement.cue_ball_point(full, positions, state, (0.0, 0.0))
@@ -159,7 +161,7 @@ def boundary(area, circles, steps=360):
 def test_the_cue_ball_is_placed_at_the_nearest_free_point_of_its_area(name, in_hand, seed):
     scene, rng = Scene.named(name, 15), np.random.default_rng(seed)
     n, table, radius = scene.n_balls, scene.table, np.array(scene.balls.radius)
-    state = row(RulesState(object_balls=int(rng.integers(2**n)) & -2, in_hand=IN_HAND.index(in_hand)))
+    state = changed(FIRST, object_balls=int(rng.integers(2**n)) & -2, in_hand=IN_HAND.index(in_hand))
     area = np.array(placement.cue_ball_area(scene, state))
     low, high = area[::2], area[1::2]
     positions, wish = rng.uniform(low, high, (n, 2)), rng.uniform(low - 0.1, high + 0.1)

@@ -153,14 +153,14 @@ SHOT_FAULTS = [
 ]
 GAME_FAULTS = [
     ("rules", "eight_ball", "expected 15"),
-    ("state.solids", DROP, "key 'solids' of state is missing"),
+    ("state.breaker", DROP, "key 'breaker' of state is missing"),
     ("positions.5", [9.0, 0.0], "positions: ball 5"),
     ("strokes.3.velocity", [1.0], r"strokes\[3\].velocity = \[1.0\]"),
     ("strokes.0.velocity.0", 1e200, r"strokes\[0\].velocity\[0\] = .*: expected a number from -1000 to 1000 m/s"),
     ("strokes.3.spin.2", 1e9, r"strokes\[3\].spin\[2\] = 1000000000.0"),
     ("strokes.0.place", [None, 0], r"strokes\[0\].place\[0\] = None"),
     ("version", 1, "version = 1: expected 2"),
-    ("state.misses", DROP, "key 'misses' of state is missing"),
+    ("state.idle", DROP, "key 'idle' of state is missing"),
     ("edition", DROP, "key 'edition' of the file is missing"),
     ("end.winner", 2, "end.winner = 2"),
 ]

@@ -7,9 +7,9 @@ import pytest
 
 from billiards_env import Scene, simulate
 from billiards_env.games import Call, Setup, Stroke, custom_opening, opening, play
-from billiards_env.games.facts import facts_of, facts_of_shots
+from billiards_env.games.facts import facts_of
 from billiards_env.games.game_state import changed
-from tests.helpers.games import in_a_row, judge, record_of, ruling, setup, state, words
+from tests.helpers.games import FACTS, facts_in_words, in_a_row, judge, record_of, ruling, setup, state, words
 
 SOLIDS, STRIPES = set(range(1, 8)), set(range(9, 16))
 ANYWHERE: dict[str, Any] = {"in_hand": "anywhere"}
@@ -23,7 +23,7 @@ def judged(rules, fields, log, *call):
 # Facts
 
 
-FACTS = [
+LOGS = [
     ("", {"first": (), "touched": 0, "potted": (), "driven": (), "cushion_after": False, "cue_driven": False}),
     ("hit 2 3, cushion 3", {"first": (), "driven": (3,)}),  # a contact between other balls
     ("hit 0 1, pocket 7 2, pocket 0 4", {"potted": (7,), "scratch": True, "driven": (7,), "cue_driven": True}),
@@ -35,26 +35,26 @@ FACTS = [
 ]
 
 
-@pytest.mark.parametrize(("log", "expected"), FACTS)
+@pytest.mark.parametrize(("log", "expected"), LOGS)
 def test_facts(log, expected):
-    facts = words(facts_of_shots(record_of(log))[0])
+    facts = facts_in_words(log)
     assert {name: getattr(facts, name) for name in expected} == expected
 
 
 def test_balls_touched_at_the_same_instant_are_all_first():
     shot = record_of("hit 0 4, hit 0 2, hit 0 7", times=[1.0, 1.0, 1.5])
-    assert words(facts_of_shots(shot)[0]).first == (2, 4)
+    assert facts_in_words(shot).first == (2, 4)
 
 
 def test_the_cue_ball_may_have_another_number():
-    facts = words(facts_of_shots(record_of("cushion 2, hit 0 2, cushion 0, hit 1 2", cue=2))[0])
+    facts = facts_in_words(record_of("cushion 2, hit 0 2, cushion 0, hit 1 2", cue=2))
     assert (facts.first, facts.touched, facts.cushions_before_last) == ((0,), 2, 1)
     assert (facts.cushion_after, facts.driven, facts.cue_driven) == (True, (0,), True)
 
 
 def test_facts_of_a_real_shot():
     shot = simulate(Scene.named("pool"), [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45])
-    facts = words(facts_of(shot))
+    facts = words(facts_of(FACTS, shot))
     assert facts.first == (shot.first_hit,) == (1,)
     assert (facts.potted, facts.cushion_after) == ((1,), True)
 

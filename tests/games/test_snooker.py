@@ -8,12 +8,12 @@ import pytest
 from billiards_env import Scene, games
 from billiards_env.games import Call, Setup, Stroke, custom_opening, opening, play
 from billiards_env.games.batch import play_batch
-from billiards_env.games.game_state import CALL, FACTS, STATE, Called, Facts, changed, row, set_of
+from billiards_env.games.game_state import changed, set_of
 from billiards_env.games.placement import SPOT_GAP
 from billiards_env.games.snooker import points_left
-from billiards_env.games.transition import next_games
+from billiards_env.games.turn import next_games
 from billiards_env.scene.layouts import layout_plan
-from tests.helpers.games import judge, record_of, ruling, state, words
+from tests.helpers.games import judge, one_shot, record_of, ruling, state, words
 
 YELLOW, GREEN, BROWN, BLUE, PINK, BLACK = range(16, 22)
 COLOURS = tuple(range(16, 22))
@@ -263,8 +263,7 @@ def test_points_left():
 
 def next_game(positions, before, **facts):
     """Returns the positions and the state after a shot with some facts."""
-    rows = (before, STATE), (row(Facts(**facts)), FACTS), (row(Called()), CALL)
-    arrays = (np.array([one], kind) for one, kind in rows)
+    arrays = one_shot("snooker", before, **facts)
     (positions,), (state,), _ = next_games(SETUP.game_rules, SCENE, positions[None], *arrays)
     return positions, state
 
@@ -423,8 +422,7 @@ BEHIND_FREE_BALL = [
 def test_a_snooker_behind_the_free_ball_is_a_foul(places, ball, foul):  # 3.12 b
     positions, balls = positions_of(**places)
     before = frame(free_ball=True, on_table=balls)
-    shot = row(Facts(first=1 << ball, cushion_after=True))
-    arrays = (np.array([one], kind) for one, kind in ((before, STATE), (shot, FACTS), (row(Called(ball)), CALL)))
+    arrays = one_shot("snooker", before, Call(ball), first=1 << ball, cushion_after=True)
     _, (state,), (verdict,) = next_games(SETUP.game_rules, SCENE, positions[None], *arrays)
     assert (words(verdict).foul, verdict.penalty) == (("free_ball", 4) if foul else ("", 0))
     assert (bool(state.free_ball), words(state).choices) == ((True, ("hand_back",)) if foul else (False, ()))

@@ -2,14 +2,15 @@
 
 import dataclasses
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
 from billiards_env import Scene
 from billiards_env.engine import empty_shots
 from billiards_env.games import CALLS, GAMES, IN_HAND, NO_CALL, Call, Setup, referee, to_dict
-from billiards_env.games.facts import facts_of_shots
-from billiards_env.games.game_state import CALL, FACTS, STATE, Called, changed, row, set_of
+from billiards_env.games import facts as shot_facts
+from billiards_env.games.game_state import CALL, changed, row, set_of
 from billiards_env.games.playing import History, Stroke, custom_opening, opening, play
 
 
@@ -85,9 +86,9 @@ def state(rules, *, on_table=None, players=2, **fields):
     balls = range(n) if on_table is None else on_table
     fields["in_hand"] = IN_HAND.index(fields.get("in_hand", "no"))
     fields["choices"] = set_of(map(CALLS.index, fields.get("choices", ())))
-    fields["touching"] = set_of(fields.get("touching", ()))
-    for name in {"scores", "fouls"} & set(fields):
-        fields[name] = (*fields[name], 0, 0, 0, 0)[:4]
+    for name, value in fields.items():
+        if isinstance(value, tuple):
+            fields[name] = set_of(value) if name == "touching" else (*value, 0, 0, 0, 0)[:4]
     fields = {"break_shot": False, "cue_balls": (cues[0], cues[-1]), **fields}
     first = referee.first_state(rules, n, n_players=players)
     return changed(first, object_balls=set_of(set(balls) - {cues[0]}), **fields)
@@ -97,14 +98,31 @@ def judge(rules, before, log, call=NO_CALL):
     """Returns the state before the next shot and the ruling on a shot, in words, from its events, see `record_of`."""
     record = record_of(log, cue=int(before.cue_balls[0])) if isinstance(log, str) else log
     made = call.ball >= 0 and record.pockets[0, call.ball] == call.pocket >= 0
-    called = row(Called(call.ball, CALLS.index(call.kind), made))
-    rows = (before, STATE), (facts_of_shots(record)[0], FACTS), (called, CALL)
-    (after,), (verdict,) = referee.judge_shots(rules, *(np.array([one], kind) for one, kind in rows))
-    following = to_dict(after)
+    facts = shot_facts.facts_of_shots(GAMES[rules].facts, record)
+    (after,), (verdict,) = referee.judge_shots(rules, np.array([before]), facts, one_call(call, made))
+    following = {"solids": -1, "colour": False, **to_dict(after)}
     return after, SimpleNamespace(**to_dict(verdict), **{name: following[name] for name in FOLLOWING})
 
 
 FOLLOWING = ("in_hand", "choices", "solids", "colour", "over", "winner")
+FACTS = tuple({fact for game in GAMES.values() for fact in game.facts})
+
+
+def facts_in_words(record):
+    """Returns all facts of a shot in words, from its records or its events, see `record_of`."""
+    return words(shot_facts.facts_of_shots(FACTS, record_of(record) if isinstance(record, str) else record)[0])
+
+
+def one_call(call=NO_CALL, made=False):
+    """Returns a call, (1,) `CALL`."""
+    return np.array([row({"ball": call.ball, "kind": CALLS.index(call.kind), "made": made}, CALL)])
+
+
+def one_shot(rules, before, call=NO_CALL, **facts):
+    """Returns the state, the facts and the call of a shot, (1,) each. Facts that the game does not use are left out."""
+    kind: Any = GAMES[rules].facts_type
+    used = {name: value for name, value in facts.items() if name in kind.names}
+    return np.array([before]), np.array([row(used, kind)]), one_call(call)
 
 
 def ruling(foul="", points=0, **fields):

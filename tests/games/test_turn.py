@@ -1,13 +1,16 @@
 """Many games at once have the results of single games."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
-from billiards_env.games import CALL, FACTS, GAMES, STATE, opening
-from billiards_env.games.game_state import CALLS, Called, RulesState, changed, row
+from billiards_env.games import GAMES, Call, opening
+from billiards_env.games.game_state import changed
 from billiards_env.games.playing import opening_state
-from billiards_env.games.transition import call_without_shots, next_games
-from tests.helpers.games import setup
+from billiards_env.games.referee import first_state
+from billiards_env.games.turn import call_without_shots, next_games
+from tests.helpers.games import one_call, setup
 
 COUNT = 40
 
@@ -17,11 +20,12 @@ def games(rules):
     rng, settings = np.random.default_rng(0), setup(rules)
     n = settings.scene.n_balls
     positions = np.array([opening(settings, rng, "random").positions for _ in range(COUNT)])
-    states, facts = np.array([opening_state(settings)] * COUNT, STATE), np.zeros(COUNT, FACTS)
+    states: Any = np.array([opening_state(settings)] * COUNT)
+    facts: Any = np.zeros(COUNT, GAMES[rules].facts_type)
     states["break_shot"] = rng.random(COUNT) < 0.1
     facts["potted"] = rng.integers(1, 2**n, COUNT) & rng.integers(1, 2**n, COUNT) & states["object_balls"]
     facts["first"], facts["scratch"] = 1 << rng.integers(1, n, COUNT), rng.random(COUNT) < 0.3
-    return settings, (positions, states, facts, np.array([row(Called())] * COUNT, CALL))
+    return settings, (positions, states, facts, one_call().repeat(COUNT))
 
 
 @pytest.mark.parametrize("rules", [name for name in GAMES if GAMES[name].pockets])
@@ -39,13 +43,12 @@ def test_games_do_not_depend_on_each_other(rules):
 def test_calls_without_a_shot():
     rng = np.random.default_rng(0)
     now, old = rng.random((2, 3, 2)), rng.random((2, 3, 2))
-    before = row(RulesState(player=1, scores=(1, 2, 0, 0), colour=True, choices=8))
+    before = first_state("snooker", 3, player=1, scores=(1, 2, 0, 0), object_balls=0, reds=0, colour=True, choices=8)
     state = changed(before, player=0, scores=(1, 6, 0, 0), fouls=(0, 1, 0, 0), free_ball=True, choices=24, in_hand=1)
-    calls = np.array([row(Called(kind=CALLS.index(kind))) for kind in ("hand_back", "replace")], CALL)
-    positions, states = now.copy(), np.array([state] * 2, STATE)
+    calls = np.concatenate([one_call(Call(kind=kind)) for kind in ("hand_back", "replace")])
+    positions, states = now.copy(), np.array([state] * 2)
     rules, table = GAMES["snooker"], setup("snooker").placement_table
-    states["object_balls"] = 0  # no ball touches
-    call_without_shots(rules.kernels, table, calls, positions, states, (old, np.array([before] * 2, STATE)))
+    call_without_shots(rules.kernels, table, calls, positions, states, (old, np.array([before] * 2)))
     assert positions.tolist() == [now[0].tolist(), old[1].tolist()]
     assert states[0] == changed(state, player=1, choices=0, free_ball=False)
     assert states[1] == changed(before, scores=state.scores, fouls=state.fouls, choices=0)

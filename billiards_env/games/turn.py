@@ -1,8 +1,9 @@
-"""The transition of a game: from a shot, or from a call without a shot, to the state before the next shot.
+"""The turn of a game: from a shot, or from a call without a shot, to the state before the next shot.
 
-After a shot the referee judges it, balls return to the table, and the rules look at the balls at rest: snooker may give
-a free ball, and balls may touch. The kernels change one game in place: `positions`, (n, 2) m, and `state`, a row of
-`STATE`. Their argument `rules`, the `entry.Rules` of the game, chooses the code.
+After a shot its facts are recorded, the rules judge it, balls return to the table, the turn changes, and the rules look
+at the balls at rest: snooker may give a free ball, and balls may touch. The kernels change one game in place:
+`positions`, (n, 2) m, and `state`, a row of `Game.state_type`. Their argument `rules`, the `entry.Rules` of the game,
+chooses the code.
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ from numpy.typing import NDArray
 from billiards_env.games.entry import Game, no_rack, no_rerack
 from billiards_env.games.game_state import (
     BREAK_AGAIN,
+    BREAKING_FOUL,
     HAND_BACK,
     MOST_PLAYERS,
     NO_FOUL,
     NO_RERACK,
     NOT_IN_HAND,
     REPLACE,
+    RERACK_ALL,
     RERACK_REST,
     STALEMATE,
     VERDICT,
@@ -28,10 +31,45 @@ from billiards_env.games.game_state import (
     write_verdict,
 )
 from billiards_env.games.placement import PlacementNumbers, no_room, placement_area, placement_numbers
-from billiards_env.games.referee import judged
 from billiards_env.jit import entry_point, inlined
 from billiards_env.physics.state import X, Y
 from billiards_env.scene import Scene
+
+
+@inlined
+def judged(judge, state, facts, call):
+    """Judges a shot and changes the state to the one before the next shot. A potted cue ball returns to the table.
+
+    Args:
+        judge: The kernel `Game.judge` of the game.
+        state: A row of `Game.state_type`, which changes.
+        facts: A row of `Game.facts_type`.
+        call: A row of `CALL`, or `Called`.
+
+    Returns:
+        The `Verdict`.
+    """
+    state.in_hand, state.choices = NOT_IN_HAND, 0
+    verdict = judge(state, facts, call)
+    if state.break_shot:
+        state.breaker = state.player
+    state.idle = 0 if verdict.foul != NO_FOUL or verdict.points != 0 or facts.potted != 0 else state.idle + 1
+    player, following = state.player, (state.player + 1) % state.n_players
+    state.scores[player] += verdict.points | 0  # does not compile for a float, which NumPy would round
+    state.scores[following] += verdict.penalty | 0
+    # A breaking foul is not one of three consecutive fouls (WPA 4.11); the third one clears the count.
+    fouled = verdict.foul != NO_FOUL and verdict.foul != BREAKING_FOUL and verdict.rack != RERACK_ALL
+    state.fouls[player] = state.fouls[player] + 1 if fouled else 0
+    state.object_balls = (state.object_balls & ~(facts.potted | facts.driven_off)) | verdict.spotted
+    if verdict.rack != NO_RERACK:
+        state.object_balls = state.balls
+    state.break_shot = verdict.rack == RERACK_ALL
+    if not verdict.continues:
+        state.player = following
+        struck, other = state.cue_balls[0], state.cue_balls[1]
+        state.cue_balls[0], state.cue_balls[1] = other, struck
+        state.object_balls = (state.object_balls | 1 << struck) & ~(1 << other)
+    return verdict
 
 
 @inlined
@@ -44,23 +82,23 @@ def after_shot(rules, table, positions, state, facts, call):  # out: positions, 
         rules: The `entry.Rules` of the game.
         table: The `PlacementNumbers` of `table_of`.
         positions: (n, 2) m, after the shot, which change.
-        state: Row of `STATE` before the shot, which changes.
-        facts: `Facts`, or a row of `FACTS`.
-        call: `Called`, or a row of `CALL`.
+        state: A row of `Game.state_type` before the shot, which changes.
+        facts: A row of `Game.facts_type`, which changes.
+        call: A row of `CALL`.
 
     Returns:
         The `Verdict`, and a ball for which there is no room on the table, or -1.
     """
     cue, others = state.cue_balls[0], state.object_balls & ~(facts.potted | facts.driven_off)
-    verdict = judged(rules.judge, state, rules.see(table, positions, state, facts, call), call)
+    rules.see(table, positions, state, facts, call)
+    verdict = judged(rules.judge, state, facts, call)
     in_play = others if state.in_hand != NOT_IN_HAND else others | 1 << cue  # a cue ball in hand does not block a spot
     failed = rules.spot(table, positions, verdict.spotted, in_play, cue)
     if verdict.rack == RERACK_REST:
         state.in_hand = rules.rack(table, positions, others, cue)
     elif verdict.rack != NO_RERACK:
         rules.rack(table, positions, 0, state.cue_balls[0])
-    if verdict.foul != NO_FOUL and not state.over:
-        state.free_ball = rules.free_ball(table, positions, state, rules.legal(state, state.player))
+    rules.settle(table, positions, state, verdict)
     if not state.over:
         rules.look(table, positions, state)
     return verdict, failed
@@ -74,28 +112,24 @@ def without_shot(rules, table, k, call, positions, states, before):  # out: posi
         rules: The `entry.Rules` of the game.
         table: The `PlacementNumbers` of `table_of`.
         k: The game.
-        call: `Called`, or a row of `CALL`.
+        call: A row of `CALL`.
         positions: (m, n, 2) m, which change.
-        states: (m,) `STATE`, which change.
-        before: The positions and the states before the last shot, for "replace". The scores, the fouls and the number
-            of misses in them change to the present ones.
+        states: (m,) `Game.state_type`, which change.
+        before: The positions and the states before the last shot, for "replace". They change, see
+            `Game.replace`.
     """
     state = states[k]
     if call.kind != REPLACE:
-        if call.kind != HAND_BACK:
-            rules.rerack(table, positions[k], state)
+        rules.without_shot(table, positions[k], state, call.kind)
         if call.kind == HAND_BACK or call.kind == BREAK_AGAIN:
             state.player = (state.player - 1) % state.n_players
         elif call.kind == STALEMATE:
             state.player = state.breaker
             for i in range(MOST_PLAYERS):
                 state.fouls[i] = 0
-        state.free_ball = False
     else:
         positions_before, states_before = before
-        for i in range(MOST_PLAYERS):
-            states_before[k].scores[i], states_before[k].fouls[i] = state.scores[i], state.fouls[i]
-        states_before[k].misses = states_before[k].misses + 1 if states_before[k].in_sight else 0
+        rules.replace(state, states_before[k])
         states[k] = states_before[k]
         for i in range(positions.shape[1]):
             positions[k, i, X], positions[k, i, Y] = positions_before[k, i, X], positions_before[k, i, Y]
@@ -143,7 +177,7 @@ def table_of(rules: Game, scene: Scene, target: int, rack: str = "") -> tuple[An
     if rules.has_spots or not rules.pockets:
         return placement_numbers(scene, rules.layouts[:1])
     racks = rules.rack is not no_rack and target > 0  # without a target the game has a single rack
-    if not racks and rules.rerack is no_rerack:
+    if not racks and rules.without_shot is no_rerack:
         return placement_numbers(scene, ())
     tight = racks or len(set(scene.balls.radius[1:])) == 1
     try:
@@ -168,12 +202,12 @@ def next_games(
         rules: The game.
         scene: The scene.
         positions: (m, n, 2) m, after the shots.
-        states: (m,) `STATE`, before the shots.
-        facts: (m,) `FACTS`, of the shots.
+        states: (m,) `Game.state_type`, before the shots.
+        facts: (m,) `Game.facts_type`, of the shots.
         calls: (m,) `CALL`, of the shots.
 
     Returns:
-        (m, n, 2) positions, m, (m,) `STATE`, and (m,) `VERDICT` of the shots.
+        (m, n, 2) positions, m, (m,) `Game.state_type`, and (m,) `VERDICT` of the shots.
 
     Raises:
         ValueError: If the arrays have different lengths, a player or a ball does not exist, balls cannot be racked, or
