@@ -30,7 +30,9 @@ from billiards_env.jit.decorators import EntryPoint
 
 PACKAGE = "billiards_env."
 TRIPLE = "aarch64-unknown-linux-gnu"
-_COUNTING = re.compile(r"^define linkonce_odr (void @NRT_\w+\(.*?\)).*?^}", re.MULTILINE | re.DOTALL)
+_COUNTING = re.compile(
+    r"^define linkonce_odr (\w+ @(?:NRT_(?:inc|dec)ref|nrt_atomic)\w*\(.*?\)).*?^}", re.MULTILINE | re.DOTALL
+)
 """Functions that count references. LLVM has already made them for the target."""
 
 
@@ -96,6 +98,11 @@ class Calls:
         if call.error is not None:
             raise call.error
         return copy.deepcopy(call.result)
+
+
+def load(folder: Path) -> list[Call]:
+    """Returns the calls in a folder."""
+    return [Call(*call) for call in pickle.loads((folder / "calls").read_bytes())]
 
 
 def arrays_of(value: Any) -> Iterator[Any]:
@@ -190,11 +197,11 @@ def main(mode: str, folder: Path, names: list[str]) -> None:
         intercept(calls.record, lambda entry, kinds, number: own(entry, kinds))
     else:
         target_aarch64()
-        calls.calls = pickle.loads(path.read_bytes())[::-1]
+        calls.calls = load(folder)[::-1]
         intercept(calls.answer, lambda *one: write_code(folder / "ir", own, *one))
     work.main(folder / f"{mode} results", names)
     if mode == "record":
-        path.write_bytes(pickle.dumps(calls.calls, protocol=4))
+        path.write_bytes(pickle.dumps([*map(tuple, calls.calls)], protocol=4))
         entries = {name_of(entry) for entry in gc.get_objects() if isinstance(entry, EntryPoint)}
         left = sorted(entries - {call.name for call in calls.calls})
         print(json.dumps([name[len(PACKAGE) :] for name in left if name.startswith(PACKAGE)]))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import pickle
 import re
 import shutil
 import struct
@@ -22,10 +21,12 @@ from typing import Any, NamedTuple
 import llvmlite.binding as llvm
 import numpy as np
 
-from benchmarks.machines.record import Call, arrays_of
+from benchmarks.machines.record import Call, arrays_of, load
 
 HERE = Path(__file__).resolve().parent
 MASK = 2**64 - 1
+_CONSTANT = re.compile(r'(@\.const\.array\.data[^"\n]* c")([^"]*)"')
+"""A constant array, whose bytes have the order of this machine. The items have 8 bytes."""
 
 
 class Target(NamedTuple):
@@ -89,7 +90,7 @@ def replay(name: str, folder: Path) -> dict[str, int]:
     qemu, compiler = emulator(name), tool(f"{target.gcc}-gcc", f"gcc-{target.gcc}")
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
-    calls = pickle.loads((folder / "calls").read_bytes())
+    calls = load(folder)
     numbers = sorted(int(path.stem) for path in (folder / "ir").glob("*.json"))
     work.mkdir(exist_ok=True)
     objects = [work / f"{number}.o" for number in numbers]
@@ -115,6 +116,8 @@ def compiled(folder: Path, number: int, target: Target) -> bytes:
     text = (folder / f"{number}.ll").read_text(encoding="utf-8")
     text = re.sub(r"^target .*$", "", text, flags=re.MULTILINE).replace("= common global", "= internal global")
     text = text.replace("@sqrt(", "@llvm.sqrt.f64(").replace("@ceil(", "@llvm.ceil.f64(")
+    if target.big:
+        text = _CONSTANT.sub(lambda found: f'{found[1]}{other_order(found[2])}"', text)
     if target is CONTROL:
         text = re.sub(r"= f(mul|add|sub) double", r"= f\1 contract double", text)
     kinds = [str(kind.type) for kind in llvm.parse_assembly(text).get_function(about["function"]).arguments]
@@ -129,6 +132,12 @@ def compiled(folder: Path, number: int, target: Target) -> bytes:
     passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options(speed_level=2))
     passes.getModulePassManager().run(module, passes)
     return machine.emit_object(module)
+
+
+def other_order(text: str) -> str:
+    """Returns the bytes of a constant of LLVM with each 8 of them in the other order."""
+    letters = re.findall(r"\\..|.", text, re.DOTALL)
+    return "".join(itertools.chain.from_iterable(letters[k : k + 8][::-1] for k in range(0, len(letters), 8)))
 
 
 def caller(number: int, about: dict[str, Any], kinds: list[str]) -> Iterator[str]:

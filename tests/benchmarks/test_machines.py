@@ -89,6 +89,10 @@ def test_a_file_of_calls_has_the_byte_order_of_its_machine(big):
     assert words[8:] == (2, 0, 2, 0, 0, 2, 0, 2, 1, 0, 0, 2, 0, 2, 0, 3, 2, 0)
 
 
+def test_constants_of_a_big_endian_machine_have_the_other_order():
+    assert replay.other_order("abcdefg\\00\\5C\\22345678") == "\\00gfedcba876543\\22\\5C"
+
+
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
 def test_replayed_calls_are_compared_byte_by_byte(tmp_path):
     (tmp_path / "entries.c").write_text(ENTRIES)
