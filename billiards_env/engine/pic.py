@@ -142,8 +142,8 @@ def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
         if event.time.hi > limit or event.time.hi == math.inf:
             break
         if shots.n_events[k] >= max_events:
-            end_at(now, k, state, scene, shots, AT_EVENT_LIMIT)
             shots.time[k] = now.hi
+            end_at(now, k, state, scene, shots, AT_EVENT_LIMIT)
             return total + pending
         pending += spent
         if pending > LOOK_AFTER or spent < 0:
@@ -153,9 +153,9 @@ def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
         now = event.time
         n_changed, spent = resolve(event, k, scene, work, shots, log)
         pending += spent
+    shots.time[k] = now.hi
     if limit < math.inf:
         end_at(Time(limit, 0.0), k, state, scene, shots, AT_MAX_TIME)
-    shots.time[k] = limit if shots.status[k] == AT_MAX_TIME else now.hi
     return total + pending
 
 

@@ -394,6 +394,37 @@ def _test_cushions(now, k, scene, work, shots, log):  # out: work, shots, log
 
 
 @inlined
+def _end_phases(until, next_end, max_events, k, scene, work, shots, log):  # out: work, shots, log
+    """Ends the phases until a time, s, the first of which ends at `next_end`; at most `max_events` events happen.
+
+    Returns:
+        The time at which the next phase ends, s, and whether any has ended.
+    """
+    has_ended = False
+    while next_end <= until and next_end < math.inf and shots.n_events[k] < max_events:
+        _end_next_phase(k, scene, work, shots, log)
+        next_end, has_ended = _next_phase_end(work), True
+    return next_end, has_ended
+
+
+@inlined
+def _is_in_motion(next_end, count, scene):
+    """Returns whether a ball moves or turns. In ideal motion and in the air a phase of the `count` balls has no end."""
+    return next_end < math.inf or (count > 0 and (scene.flight is not None or scene.numbers.motion == IDEAL))
+
+
+@inlined
+def _test(now, count, k, scene, work, shots, log):  # out: work, shots, log
+    """Moves the `count` moving balls to a `Time` and tests for contacts. Returns whether any motion changes."""
+    has_capture = _test_pockets(now, count, k, scene, work, shots, log)
+    overlaps = _find_overlaps(count, scene, work)
+    if overlaps > 0:
+        _resolve_overlaps(overlaps, now, k, scene, work, shots, log)
+    has_rebound = _test_cushions(now, k, scene, work, shots, log)
+    return has_capture or overlaps > 0 or has_rebound
+
+
+@inlined
 def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
     """Runs shot k to rest, to the time `limit` (s), to `max_events` events or to MAX_STEPS timesteps.
 
@@ -410,42 +441,29 @@ def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
     while True:
         if changed:
             count = _begin_phases(scene, work, log)
-            next_end, changed = _next_phase_end(work), False
+            next_end = _next_phase_end(work)
             pending += n * scene.numbers.cushion_work
             if pending > LOOK_AFTER:
                 pause, pending = 0.0, 0  # looks in this step
         step += 1
         now = Time(step * dt, 0.0)
         until = min(now.hi, limit) if count > 0 else limit
-        while next_end <= until and next_end < math.inf and shots.n_events[k] < max_events:
-            _end_next_phase(k, scene, work, shots, log)
-            next_end, changed = _next_phase_end(work), True
-        # In ideal motion and in the air balls move in a phase that has no end.
-        endless = scene.flight is not None or scene.numbers.motion == IDEAL
-        in_motion = next_end < math.inf or (count > 0 and endless)
-        if shots.n_events[k] >= max_events and in_motion:
+        next_end, changed = _end_phases(until, next_end, max_events, k, scene, work, shots, log)
+        if shots.n_events[k] >= max_events and _is_in_motion(next_end, count, scene):
             end_at(Time(shots.time[k], 0.0), k, state, scene, shots, AT_EVENT_LIMIT)
             break
-        if count == 0 or now.hi > pause:
-            if count == 0 or now.hi > limit:
-                if limit < math.inf:
-                    end_at(Time(limit, 0.0), k, state, scene, shots, AT_MAX_TIME)
-                    if shots.status[k] == AT_MAX_TIME:
-                        shots.time[k] = limit
-                break
-            if step > MAX_STEPS:
-                shots.time[k] = now.hi
-                end_at(now, k, state, scene, shots, AT_STEP_LIMIT)
-                break
+        if count == 0 or now.hi > limit:
+            if limit < math.inf:
+                end_at(Time(limit, 0.0), k, state, scene, shots, AT_MAX_TIME)
+            break
+        if step > MAX_STEPS and now.hi > pause:
+            end_at(now, k, state, scene, shots, AT_STEP_LIMIT)
+            break
+        if now.hi > pause:
             if interrupted():
                 return INTERRUPTED
             pause = min(limit, dt * min(MAX_STEPS, step + steps_between_looks))
-        changed = _test_pockets(now, count, k, scene, work, shots, log) or changed
-        overlaps = _find_overlaps(count, scene, work)
-        if overlaps > 0:
-            _resolve_overlaps(overlaps, now, k, scene, work, shots, log)
-            changed = True
-        changed = _test_cushions(now, k, scene, work, shots, log) or changed
+        changed = _test(now, count, k, scene, work, shots, log) or changed
     return step * (n * n + 8) // _PAIRS_PER_EVENT + pending
 
 

@@ -264,8 +264,8 @@ def _balls_off(k, shots):
 
 @inlined
 def end_at(time, k, state, scene, shots, status):  # out: state, shots
-    """Advances the balls that are not at rest to a `Time`. If there is such a ball, sets the status of shot k."""
+    """Advances the balls that are not at rest to a `Time`. If there is such a ball, shot k ends then with a status."""
     for i in range(len(state.phase)):
         if state.phase[i] != POTTED and state.phase[i] != REST:
-            shots.status[k] = status
+            shots.status[k], shots.time[k] = status, time.hi
             advance(state, i, time, scene.numbers)
