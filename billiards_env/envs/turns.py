@@ -23,6 +23,7 @@ from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays
 from billiards_env.envs.snapshots import StateArrays
 from billiards_env.envs.tasks import write_legal_balls
+from billiards_env.games.facts import is_made
 from billiards_env.games.game_state import CALL, CALLS, HAND_BACK, SAFETY, SHOT, verdict
 from billiards_env.games.placement import PlacementNumbers, cue_ball_area_of, place_cue_ball
 from billiards_env.games.playing import NO_CALL, Call, Setup, Stroke
@@ -38,7 +39,6 @@ class TurnArrays(NamedTuple):
 
     Attributes:
         calls: (m,) `games.CALL` of the shots.
-        pockets: (m,) int64, the called pockets, -1 for none.
         strokes: (m, size) float64, the numbers of the actions that describe the shots; zeros for a call without a shot,
             and NaN if the last shot is not known.
         places: (m, 2) float64, m: where the player placed a cue ball in hand; NaN if it was not in hand.
@@ -55,7 +55,6 @@ class TurnArrays(NamedTuple):
     """
 
     calls: Any
-    pockets: Any
     strokes: Any
     places: Any
     player: Any
@@ -103,7 +102,6 @@ def turn_arrays(state: StateArrays, players: int, size: int) -> TurnArrays:
     whole = np.zeros((4, count), np.int64)
     return TurnArrays(
         calls=np.zeros(count, CALL),
-        pockets=np.full(count, -1),
         strokes=np.full((count, size), np.nan),
         places=np.full((count, 2), np.nan),
         player=whole[0],
@@ -161,7 +159,7 @@ def take_actions(begin, end, actions, game, arrays, turns):
         actions: (m, size + places + calls) float64. The first `size` numbers may have been converted.
         game: `GameNumbers`, as a plain tuple.
         arrays: `EpisodeArrays`, as a plain tuple. The positions change.
-        turns: `TurnArrays`, as a plain tuple; `calls`, `pockets` and `strokes` change.
+        turns: `TurnArrays`, as a plain tuple; `calls` and `strokes` change.
 
     Returns:
         -1, or a game in which there is no room for the cue ball.
@@ -172,10 +170,10 @@ def take_actions(begin, end, actions, game, arrays, turns):
         if arrays.over[k]:
             continue
         state, call, first = arrays.states[k], turns.calls[k], game.size + game.places
-        call.ball, call.kind, turns.pockets[k] = -1, SHOT, -1
+        call.ball, call.kind, call.pocket = -1, SHOT, -1
         if game.calls > 0:
             call.ball = 1 + _part(actions[k, first], arrays.positions.shape[1] - 1)
-            turns.pockets[k] = _part(actions[k, first + 1], game.n_pockets)
+            call.pocket = _part(actions[k, first + 1], game.n_pockets)
             call.kind = _kind_of(actions[k, first + 2], state, game.safety)
         shoots = call.kind < HAND_BACK
         if shoots and len(turns.before_states) > 0:
@@ -214,9 +212,9 @@ def _play_turn(k, rules, numbers, table, arrays, turns):
         before = turns.before_positions, turns.before_states
         without_shot(rules, table, k, call, arrays.positions, arrays.states, before)
         return verdict(), -1
-    facts, pocket = arrays.facts[k], turns.pockets[k]
+    facts = arrays.facts[k]
     rules.record(arrays, k, numbers.bits, facts)
-    call.made = call.ball >= 0 and pocket >= 0 and arrays.pockets[k, call.ball] == pocket
+    call.made = is_made(arrays, k, numbers.bits, call)
     return after_shot(rules, table, arrays.positions[k], arrays.states[k], facts, call)
 
 
@@ -384,7 +382,7 @@ class GameKernels:
         if math.isnan(turns.strokes[k, X]):
             return None
         called, place = turns.calls[k], turns.places[k].tolist()
-        call = Call(int(called["ball"]), int(turns.pockets[k]), CALLS[called["kind"]]) if model.can_call else NO_CALL
+        call = Call(int(called["ball"]), int(called["pocket"]), CALLS[called["kind"]]) if model.can_call else NO_CALL
         if called["kind"] >= HAND_BACK:
             return Stroke((0.0, 0.0), call=Call(kind=call.kind))
         struck = cue_strike(turns.strokes[k], model.scene, model.max_speed)
