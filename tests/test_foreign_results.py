@@ -381,7 +381,6 @@ WRONG += [
     constant("game", "editions", (), "expected at least one"),
     constant("game", "choices", 3, "expected a list"),
     constant("game", "deciding_ball", -2, "expected a number from -1 to 62"),
-    constant("game", "sure_pot", NAN, "expected a number >= 0"),
     constant("action", "is_choice", 1, "expected the type bool, not int"),
     constant("player", "argument", 3, "expected the type str | None, not int"),
     constant("scene", "usual", -1, "expected a number from 0 to 100000"),

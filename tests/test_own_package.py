@@ -9,7 +9,7 @@ import shutil
 import sys
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -23,7 +23,7 @@ from billiards_env.envs import load_state, make_env, make_vector_env, save_state
 from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.observations import FEATURES
 from billiards_env.envs.tasks import TASKS
-from billiards_env.games import GAMES, History, Setup, opening, play, records
+from billiards_env.games import GAMES, Call, History, Setup, Stroke, custom_opening, opening, play, records
 from billiards_env.play.__main__ import make_history, make_parser
 from billiards_env.play.model import begin
 from billiards_env.players.env_player import acting
@@ -56,7 +56,8 @@ def path():
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(DATA)
         yield
-    sys.modules.pop("my_billiards", None)
+    for name in ("my_billiards", "cowboy_pool"):
+        sys.modules.pop(name, None)
     for table, names in zip(TABLES, before, strict=True):
         for name in {*table} - names:
             del table[name]
@@ -145,6 +146,52 @@ def test_a_game_is_played_saved_and_shown_as_in_the_environment():
     same(records.replay(record).positions, game.positions)
     layout = opening(setup, RNG(0), OWN["layout"])
     assert find_player("my_billiards:at_nearest:0.25", setup)(game_situation(setup, layout, 8.0), RNG(0)).place
+
+
+COWBOY, LAYOUT = "cowboy_pool:cowboy", [[0.6, 0.1], [1.07, 0.435], [-0.5, 0.0], [-0.5, 0.3]]
+POT, MISS = (1.5, 1.035), (-1.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("fields", "velocity", "call", "points", "inning_points", "winner"),
+    [
+        ({}, POT, Call(), 1, 1, -1),
+        ({"inning_points": 4, "scores": [7, 0]}, POT, Call(), 1, 5, -1),
+        ({"inning_points": 4, "scores": [7, 0]}, MISS, Call(), -4, 0, -1),
+        ({"scores": [100, 0]}, POT, Call(1, 3), 1, 1, 0),
+        ({"scores": [100, 0]}, POT, Call(1, 2), 0, 0, -1),  # another pocket
+    ],
+)
+def test_cowboy_pool(fields, velocity, call, points, inning_points, winner):
+    setup = Setup(COWBOY, Scene.named("pool", 3), call_shot=True)
+    played = play(setup, custom_opening(setup, LAYOUT, fields), Stroke(velocity, call=call))
+    assert (played.verdict.points, played.game.state.inning_points) == (points, inning_points)
+    assert (played.game.state.winner, played.facts.caroms) == (winner, 0)
+
+
+def test_a_game_with_its_own_state_plays_everywhere(tmp_path):
+    kind: dict[str, Any] = {"task": COWBOY, "n_players": 2}
+    env, envs = any_env(**kind).unwrapped, cast(Any, gym.make_vec(ID, num_envs=2, **kind))
+    two_players = pytest.importorskip("billiards_env.billiards_v0", exc_type=ImportError).env(task=COWBOY)
+    start = {"positions": LAYOUT, "state": {"inning_points": 4, "scores": [7, 0]}}
+    env.reset(seed=0, options=start)
+    two_players.reset(seed=0, options=start)
+    envs.reset(seed=0, options=start)
+    action = np.array([*POT, 0, 0][: env.action_space.shape[0]], np.float32) / 8
+    envs.step(np.stack([action, action]))
+    env.step(action)
+    two_players.step(action)
+    assert (env.game.state.inning_points, env.get_state()["game"]["inning_points"]) == (5, 5)
+    assert two_players.unwrapped.game.state == env.game.state
+    assert envs.unwrapped.get_state()["game"]["inning_points"].tolist() == [5, 5]
+    save_state(tmp_path / "state.npz", env.get_state())
+    env.set_state(load_state(tmp_path / "state.npz")[()])
+    record = records.record_game(two_players.unwrapped.history())
+    assert json.loads(records.to_json(record))["state"]["inning_points"] == 4
+    again: Any = records.replay(records.from_json(records.to_json(record)))
+    assert again.state == env.game.state
+    args = make_parser().parse_args(["--rules", COWBOY, "--balls", "3", "--seed", "1"])
+    assert begin(make_history(args, RNG(1)), ("human", "human"), 8.0, 1 / 60, 1.0, False).setup.rules == COWBOY
 
 
 def test_a_training_takes_the_names():

@@ -32,7 +32,7 @@ PAGES["CONTRIBUTING.md"] = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"
 NOT_RUN = {
     "CONTRIBUTING.md": ["billiards_env/envs/observations.py"],
     "docs/cluster.md": ["RLlib's own runner"],
-    "docs/own_package.md": ["my_billiards.py", "use.py"],
+    "docs/own_package.md": ["my_billiards.py", "use.py", "cowboy_pool.py"],
 }
 """The titles of the blocks of Python that are not run on their own. A recipe has its own test, and so has the page of a
 package (`tests/test_own_package.py`); the other needs Ray."""

@@ -93,7 +93,8 @@ def _result_text(episodes: Episodes, k: int) -> str:
     if episodes.state.over[k]:
         parts.append("nobody wins" if turns.winner[k] < 0 else f"player {turns.winner[k]} wins")
     else:
-        player, solids = int(turns.next_player[k]), int(episodes.state.game["solids"][k])
+        player, games = int(turns.next_player[k]), episodes.state.game
+        solids = int(games["solids"][k]) if "solids" in (games.dtype.names or ()) else -1
         groups = ("solids", "stripes") if setup.scene.balls.colours == "pool" else ("reds", "yellows")
         group = "" if solids < 0 else f" ({groups[solids != player]})"
         parts.append(f"next: player {player}{group}")

@@ -270,7 +270,6 @@ class TurnArrays(NamedTuple):
 
     Attributes:
         calls: (m,) `games.CALL` of the shots.
-        pockets: (m,) int64, the called pockets, -1 for none.
         strokes: (m, size) float64, the numbers of the actions that describe the shots; zeros for a call without a shot,
             and NaN if the last shot is not known.
         places: (m, 2) float64, m: where the player placed a cue ball in hand; NaN if it was not in hand.
@@ -287,7 +286,6 @@ class TurnArrays(NamedTuple):
     """
 
     calls: Any
-    pockets: Any
     strokes: Any
     places: Any
     player: Any
@@ -307,7 +305,6 @@ def turn_arrays(state: State, players: int, size: int) -> TurnArrays:
     whole = np.zeros((4, count), np.int64)
     return TurnArrays(
         calls=np.zeros(count, CALL),
-        pockets=np.full(count, -1),
         strokes=np.full((count, size), np.nan),
         places=np.full((count, 2), np.nan),
         player=whole[0],

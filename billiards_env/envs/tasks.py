@@ -206,7 +206,7 @@ def judge_eight_ball(k, numbers, arrays):
     return points, points == 0 or facts.potted & EIGHT != 0, won
 
 
-NO_CALL = Called(-1, SHOT, False)
+NO_CALL = Called(-1, -1, SHOT, False)
 record_nine_ball, record_eight_ball = GAMES["nine_ball"].record, GAMES["eight_ball"].record
 
 

@@ -23,6 +23,7 @@ from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays
 from billiards_env.envs.state import State, TurnArrays
 from billiards_env.envs.tasks import write_legal_balls
+from billiards_env.games.facts import is_made
 from billiards_env.games.game_state import CALLS, HAND_BACK, SAFETY, SHOT, verdict
 from billiards_env.games.placement import PlacementNumbers, cue_ball_area_of, place_cue_ball
 from billiards_env.games.playing import NO_CALL, Call, Setup, Stroke
@@ -104,7 +105,7 @@ def take_actions(begin, end, actions, game, arrays, turns):
         actions: (m, size + places + calls) float64. The first `size` numbers may have been converted.
         game: `GameNumbers`, as a plain tuple.
         arrays: `EpisodeArrays`, as a plain tuple. The positions change.
-        turns: `TurnArrays`, as a plain tuple; `calls`, `pockets` and `strokes` change.
+        turns: `TurnArrays`, as a plain tuple; `calls` and `strokes` change.
 
     Returns:
         -1, or a game in which there is no room for the cue ball.
@@ -115,10 +116,10 @@ def take_actions(begin, end, actions, game, arrays, turns):
         if arrays.over[k]:
             continue
         state, call, first = arrays.states[k], turns.calls[k], game.size + game.places
-        call.ball, call.kind, turns.pockets[k] = -1, SHOT, -1
+        call.ball, call.kind, call.pocket = -1, SHOT, -1
         if game.calls > 0:
             call.ball = 1 + _part(actions[k, first], arrays.positions.shape[1] - 1)
-            turns.pockets[k] = _part(actions[k, first + 1], game.n_pockets)
+            call.pocket = _part(actions[k, first + 1], game.n_pockets)
             call.kind = _kind_of(actions[k, first + 2], state, game.safety)
         shoots = call.kind < HAND_BACK
         if shoots and len(turns.before_states) > 0:
@@ -157,9 +158,9 @@ def _play_turn(k, rules, numbers, table, arrays, turns):
         before = turns.before_positions, turns.before_states
         without_shot(rules, table, k, call, arrays.positions, arrays.states, before)
         return verdict(), -1
-    facts, pocket = arrays.facts[k], turns.pockets[k]
+    facts = arrays.facts[k]
     rules.record(arrays, k, numbers.bits, facts)
-    call.made = call.ball >= 0 and pocket >= 0 and arrays.pockets[k, call.ball] == pocket
+    call.made = is_made(arrays, k, numbers.bits, call)
     return after_shot(rules, table, arrays.positions[k], arrays.states[k], facts, call)
 
 
@@ -331,7 +332,7 @@ class GameKernels:
         if math.isnan(turns.strokes[k, X]):
             return None
         called, place = turns.calls[k], turns.places[k].tolist()
-        call = Call(int(called["ball"]), int(turns.pockets[k]), CALLS[called["kind"]]) if model.can_call else NO_CALL
+        call = Call(int(called["ball"]), int(called["pocket"]), CALLS[called["kind"]]) if model.can_call else NO_CALL
         if called["kind"] >= HAND_BACK:
             return Stroke((0.0, 0.0), call=Call(kind=call.kind))
         struck = cue_strike(turns.strokes[k], model.scene, model.max_speed)

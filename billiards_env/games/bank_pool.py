@@ -68,7 +68,7 @@ GAMES = {
         won_by="`target` points: balls that hit a cushion before the pot, by default a majority",
         callable=any_ball,
         editions=("2006",),
-        banks=True,
+        scoring=banked,
         facts=(*USUAL, banked),
         page=(
             ("to win", "score the target with a point for each bank"),

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.engine.compile import cached_by_scene
 from billiards_env.engine.strikes import strike_with
 from billiards_env.games.entry import no_see
-from billiards_env.games.facts import facts_of_shots
+from billiards_env.games.facts import facts_of_shots, name_of
 from billiards_env.games.game_state import CALL, VERDICT, members
 from billiards_env.games.placement import PlacementNumbers
 from billiards_env.games.playing import NO_CALL, Call, GameState, PlayedShot, Setup
@@ -88,16 +88,15 @@ def play_batch(
     batch = simulate_batch(scene, starts, speeds, engine=setup.engine, spins=spins, threads=threads)
     pockets = np.full((m, setup.scene.n_balls), -1, np.int32)
     pockets[:, balls] = batch.pockets
-    facts = facts_of_shots(rules.facts, batch, np.array(balls))
     called, states = np.zeros(m, CALL), np.array([state])
-    called["ball"] = NO_CALL.ball
-    if state.call_shot and not state.break_shot:
-        if calls is None:
-            pots = facts["banked" if rules.banks else "potted"] & callable_balls(setup.rules, states, states["player"])
-            called["ball"], called["made"] = np.frexp(pots & -pots)[1] - 1, pots != 0
-        else:
-            called["ball"], pocket = calls.T
-            called["made"] = (calls >= 0).all(axis=1) & (pockets[np.arange(m), calls[:, 0]] == pocket)
+    called["ball"], called["pocket"] = NO_CALL[:2]
+    calls_count = state.call_shot and not state.break_shot
+    if calls_count and calls is not None:
+        called["ball"], called["pocket"] = calls.T
+    facts = facts_of_shots(rules.facts, batch, np.array(balls), called)
+    if calls_count and calls is None:
+        pots = facts[name_of(rules.scoring)] & callable_balls(setup.rules, states, states["player"])
+        called["ball"], called["made"] = np.frexp(pots & -pots)[1] - 1, pots != 0
     positions = np.repeat(game.positions[None], m, axis=0)
     positions[:, balls] = batch.positions
     if rules.see is not no_see:
@@ -125,7 +124,7 @@ def best_call(setup: Setup, state: Any, played: PlayedShot) -> Call:
     """
     if not state.call_shot or state.break_shot:
         return NO_CALL
-    scores = set(setup.callable(state)) & set(members(played.facts["banked" if setup.game_rules.banks else "potted"]))
+    scores = set(setup.callable(state)) & set(members(played.facts[name_of(setup.game_rules.scoring)]))
     return next((Call(ball, pocket) for ball, pocket in played.pots if ball in scores), NO_CALL)
 
 

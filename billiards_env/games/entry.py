@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.games.facts import USUAL, facts_type, recorder
+from billiards_env.games.facts import USUAL, facts_type, potted, recorder
 from billiards_env.games.game_state import FIELDS, MOST_PLAYERS, NOT_IN_HAND, NoState, RulesState, hints_of, row_type
 from billiards_env.games.placement import spot_at_foot
 from billiards_env.jit import inlined
@@ -114,10 +114,8 @@ class Game(NamedTuple):
             balls return to the foot spot.
         pockets: Whether the table has pockets.
         foot_corners: Whether the rules name the pockets 2 and 3, which must then be in the foot corners.
-        pots_any: Whether a legal shot may pot any ball, and not only those that may be touched first.
         cushions: The cushion contacts that the cue ball needs before the last ball of a carom.
-        banks: For players: whether a ball scores only after it hits a cushion.
-        sure_pot: For players: the expected points of a turn with a sure pot, in a game that is won by points.
+        scoring: The fact with the balls that may score, such as the potted or the banked balls.
         most_points: Function of the number of object balls. Returns the most points of a rack.
         state: Function of the number of object balls. Returns the own state at the opening, a NamedTuple whose fields
             have the types of `game_state`, such as `Count`. `Game.state_type` is the type of the whole state.
@@ -156,10 +154,8 @@ class Game(NamedTuple):
     has_spots: bool = False
     pockets: bool = True
     foot_corners: bool = False
-    pots_any: bool = False
     cushions: int = 0
-    banks: bool = False
-    sure_pot: float = 1.0
+    scoring: Kernel = potted
     most_points: Callable[[int], int] = int
     state: Callable[[int], Any] = no_state
     facts: tuple[Kernel, ...] = USUAL

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.games.game_state import FOOT_LEFT, FOOT_RIGHT, Balls, row_type, size
+from billiards_env.games.game_state import CALL, FOOT_LEFT, FOOT_RIGHT, Balls, row_type, size
 from billiards_env.jit import entry_point, inlined
 from billiards_env.shots.result import ShotResult
 
@@ -241,26 +241,46 @@ def _with_one_more(others: Kernel, name: str, fact: Kernel) -> Kernel:
     return record
 
 
+@inlined
+def is_made(shots, k, bits, call):
+    """Returns whether shot k pots the called ball in the called pocket (WPA 1.6); `call` is a row of `CALL`."""
+    made = False
+    for i in range(len(bits)):
+        if call.ball >= 0 and call.pocket >= 0 and bits[i] == 1 << call.ball:
+            made = shots.pockets[k, i] == call.pocket
+    return made
+
+
 @entry_point
-def _write_facts(record, records, bits, rows):  # out: rows
+def _write_facts(record, records, bits, rows, calls):  # out: rows, calls
     for k in range(len(rows)):
         record(Records(*records), k, bits, rows[k])
+        if len(calls) > 0:
+            calls[k].made = is_made(Records(*records), k, bits, calls[k])
 
 
-def facts_of_shots(facts: tuple[Kernel, ...], shots: Any, balls: NDArray[np.int64] | None = None) -> NDArray[Any]:
+NO_CALLS = np.zeros(0, CALL)
+
+
+def facts_of_shots(
+    facts: tuple[Kernel, ...], shots: Any, balls: NDArray[np.int64] | None = None, calls: NDArray[Any] = NO_CALLS
+) -> NDArray[Any]:
     """Returns the facts of m shots, (m,) `facts_type`.
 
     Args:
         facts: The facts, such as `Game.facts`.
         shots: An object with the fields of `Records`, such as a `BatchResult`.
         balls: (n,) the numbers of the balls in the sets of balls; None for 0 to n - 1.
+        calls: (m,) `CALL`, whose field `made` is set; (0,) for none.
     """
     records = [getattr(shots, name) for name in Records._fields]
     rows, n = np.zeros(len(records[0]), facts_type(facts)), records[1].shape[1]
-    _write_facts(recorder(facts), tuple(records), np.left_shift(1, np.arange(n) if balls is None else balls), rows)
+    bits = np.left_shift(1, np.arange(n) if balls is None else balls)
+    _write_facts(recorder(facts), tuple(records), bits, rows, calls)
     return rows
 
 
-def facts_of(facts: tuple[Kernel, ...], shot: ShotResult) -> Any:
-    """Returns the facts of a shot, a row of `facts_type`."""
-    return facts_of_shots(facts, Records(*(np.asarray(getattr(shot, name))[None] for name in Records._fields)))[0]
+def facts_of(facts: tuple[Kernel, ...], shot: ShotResult, calls: NDArray[Any] = NO_CALLS) -> NDArray[Any]:
+    """Returns the facts of one shot, (1,) `facts_type`; the arguments are as in `facts_of_shots`."""
+    records = Records(*(np.asarray(getattr(shot, name))[None] for name in Records._fields))
+    return facts_of_shots(facts, records, None, calls)

@@ -147,11 +147,13 @@ class Called(NamedTuple):
 
     Attributes:
         ball: The called ball, in snooker the nominated one; -1 for none.
+        pocket: The called pocket; -1 for none.
         kind: Index in `CALLS`.
-        made: Whether the shot pots the called ball in the called pocket (WPA 1.6).
+        made: Whether the shot pots the called ball in the called pocket (WPA 1.6), see `facts.is_made`.
     """
 
     ball: int = -1
+    pocket: int = -1
     kind: Annotated[int, Field(names=CALLS)] = SHOT
     made: bool = False
 

@@ -436,13 +436,12 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
         none = row({}, setup.game_rules.facts_type), row({}, VERDICT)
         return PlayedShot(_without_shot(setup, game, stroke.call), shot_input, shot, *none)
     rules, call = setup.game_rules, stroke.call
-    called = {"ball": call.ball, "kind": CALLS.index(call.kind), "made": (call.ball, call.pocket) in shot.pots}
+    calls = np.array([row({**call._asdict(), "kind": CALLS.index(call.kind)}, CALL)])
     with kernels_of(f"rules = {setup.rules!r}"):
-        facts = facts_of(rules.facts, shot)
-        shots = (np.array([one]) for one in (state, facts, row(called, CALL)))
-        (positions,), (following,), (verdict,) = next_games(rules, scene, shot.positions[None], *shots)
+        facts, end = facts_of(rules.facts, shot, calls), shot.positions[None]
+        (positions,), (following,), (verdict,) = next_games(rules, scene, end, np.array([state]), facts, calls)
     before = game._replace(before=None) if following.choices >> REPLACE & 1 else None
-    return PlayedShot(GameState(positions, following, before), shot_input, shot, facts, verdict)
+    return PlayedShot(GameState(positions, following, before), shot_input, shot, facts[0], verdict)
 
 
 def _without_shot(setup: Setup, game: GameState, call: Call) -> GameState:

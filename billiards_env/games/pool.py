@@ -343,7 +343,7 @@ _POOL = functools.partial(
     facts=(*USUAL, driven),
 )
 _ROTATION = functools.partial(
-    _POOL, legal=lowest_ball, choices=("push_out", "hand_back", "stalemate"), counts_fouls=True, pots_any=True
+    _POOL, legal=lowest_ball, choices=("push_out", "hand_back", "stalemate"), counts_fouls=True
 )
 GAMES = {
     "straight": _POOL(
@@ -355,7 +355,6 @@ GAMES = {
         callable=any_ball,
         choices=("break_again", "stalemate"),
         counts_fouls=True,
-        sure_pot=4.0,
         facts=(*USUAL, driven, cue_driven),
         rack=rack_again,
         page=(

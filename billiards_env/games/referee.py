@@ -38,7 +38,7 @@ FAMILIES = pool, one_pocket, bank_pool, blackball, snooker, carom
 ARGUMENTS = {
     **dict.fromkeys(("target", "most_points", "state", "check"), 1),
     **dict.fromkeys(("legal", "callable", "replace"), 2),
-    **dict.fromkeys(("judge", "look"), 3),
+    **dict.fromkeys(("judge", "look", "scoring"), 3),
     **dict.fromkeys(("rack", "settle", "without_shot"), 4),
     **dict.fromkeys(("spot", "see"), 5),
 }
@@ -50,7 +50,6 @@ _RANGES = {
     "cue_balls": Range(0, MOST_BALLS - 1),
     "deciding_ball": Range(-1, MOST_BALLS - 1),
     "cushions": Range(0, None),
-    "sure_pot": Range(0, None),
 }
 """The ranges of the numbers of a `Game`."""
 

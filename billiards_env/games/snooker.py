@@ -433,7 +433,6 @@ GAMES = {
         choices=("hand_back", "replace", "stalemate"),
         deciding_ball=-1,
         has_spots=True,
-        sure_pot=8.0,
         most_points=lambda balls: 8 * balls - 21,
         spot=spot_colours,
         state=lambda balls: Snooker(reds=balls - 6),

@@ -12,6 +12,7 @@ from billiards_env.engine import PIC
 from billiards_env.engine.strikes import strike
 from billiards_env.games import GameState, Setup
 from billiards_env.games.game_state import PUSH_OUT, is_in, members, on_table
+from billiards_env.players.hints import hints_of, only_banks
 from billiards_env.players.situation import draw_places
 from billiards_env.players.values import pot_probability
 from billiards_env.pots.budget import Budget
@@ -139,7 +140,7 @@ def _pots(
     setup: Setup, game: GameState, places: Floats, max_speed: float, noise: float, tips: Tips, most: int, budget: Budget
 ) -> _Pots | None:
     """Returns the pots of the legal balls, at most `most` of them indirect; None if there are none."""
-    state, n, only_banks = game.state, len(game.positions), setup.game_rules.banks
+    state, n, banked = game.state, len(game.positions), only_banks(setup)
     targets = np.isin(np.arange(n), setup.legal(state))
     in_play, legal = (np.tile(balls, (len(places), 1)) for balls in (is_in(on_table(state), n), targets))
     positions = np.repeat(game.positions[None], len(places), axis=0)
@@ -150,8 +151,8 @@ def _pots(
     parts, many = [], targets.sum() > _MANY  # the banks of many balls take too long
     for tip, offset in enumerate(tips):
         for piece in budget.pieces(len(places), _POT_TIME, first=tip == 0):
-            banks = only_banks or (None if many else tip == 0)
-            pots = find_pots(tables.take(piece), most=12, offset=offset, banks=banks, direct=not only_banks)
+            banks = banked or (None if many else tip == 0)
+            pots = find_pots(tables.take(piece), most=12, offset=offset, banks=banks, direct=not banked)
             place, k = np.nonzero(np.arange(pots.ball.shape[1]) < pots.count[:, None])
             tolerance = pots.rows[place, k, TOLERANCE]
             target = np.column_stack((pots.ball[place, k], pots.pocket[place, k]))
@@ -159,8 +160,8 @@ def _pots(
             shots = pots.shots[place, k]
             parts.append((piece.start + place, np.full(len(k), tip), target, shots, tolerance, share))
     easiest = max((part[-1].max(initial=0.0) for part in parts), default=0.0)
-    if not (state.in_hand or only_banks) and setup.engine == PIC and easiest < _SURE and most:
-        potted = np.arange(n) if setup.game_rules.pots_any else np.flatnonzero(targets)
+    if not (state.in_hand or banked) and setup.engine == PIC and easiest < _SURE and most:
+        potted = np.arange(n) if hints_of(setup).pots_any else np.flatnonzero(targets)
         ways = find_indirect(tables, potted, most, budget)
         pots = ways.target[:, 0] >= 0
         share = len(tips) * (pots * pot_probability(ways.tolerance, noise) + _LEAST_SHARE)

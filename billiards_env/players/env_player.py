@@ -28,7 +28,7 @@ from billiards_env.envs.tasks import TASKS, task_of
 from billiards_env.games import GameState, Setup, Stroke, members, play
 from billiards_env.games.game_state import NOT_IN_HAND, changed, set_of, to_dict
 from billiards_env.games.placement import cue_ball_area
-from billiards_env.games.playing import STATE_FIELDS, check_stroke, opening_state
+from billiards_env.games.playing import check_stroke, opening_state
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players.aim import FirstTouch, Goal, Leave, Pot, Touch, carom_goals
 from billiards_env.players.named import find_player
@@ -114,7 +114,8 @@ def game_observation(setup: Setup, game: GameState, max_speed: float, **argument
     same = {name: getattr(setup, name) for name in ("scene", "n_players", "target", "edition", "innings")}
     same |= dataclasses.asdict(setup.engine) | {"task": setup.rules, "max_speed": max_speed}
     env, state = BilliardsEnv(make_model(**{**same, **arguments})), to_dict(game.state)
-    fields = {name: state[name] for name in STATE_FIELDS if name != "choices"}  # no feature depends on the choices
+    given = setup.game_rules.given
+    fields = {name: state[name] for name in given if name != "choices"}  # no feature depends on the choices
     return env.reset(options={"positions": game.positions, "state": fields})[0]
 
 

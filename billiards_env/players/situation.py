@@ -18,6 +18,7 @@ from billiards_env.games.game_state import is_in, on_table
 from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
 from billiards_env.games.playing import check_stroke
 from billiards_env.players.aim import FirstTouch, Goal, Pot, carom_goals
+from billiards_env.players.hints import only_banks
 from billiards_env.pots.finder import PotShots, pot_shots
 from billiards_env.shots.tables import Tables
 from billiards_env.support.checks import finite, one_of, result_of, short
@@ -155,7 +156,7 @@ def game_situation(
         goals=goals,
         noise=noise,
         in_game=True,
-        banks=rules.banks,
+        banks=only_banks(setup),
         place=place,
     )
 

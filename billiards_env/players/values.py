@@ -15,6 +15,7 @@ from billiards_env.games.pool import EIGHT
 from billiards_env.games.referee import legal_balls
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players import run_outs
+from billiards_env.players.hints import hints_of, only_banks
 from billiards_env.players.run_outs import FLOOR
 from billiards_env.pots.finder import APPROACH, CUT_COS, RUN, TOLERANCE, WIDTH, find_pots
 from billiards_env.shots.tables import Tables
@@ -87,7 +88,7 @@ class Values:
         goes_on = mine & ~push_out & ~states["over"]
         needed = goes_on if self._run_out else ~states["over"]
         if self._setup.target is not None:
-            following = self._setup.game_rules.sure_pot * self.next_pot_chance(played, legal, needed)
+            following = hints_of(self._setup).sure_pot * self.next_pot_chance(played, legal, needed)
             points = verdicts["points"] - (0 if self._run_out else verdicts["penalty"])
             return points + np.where(states["over"], 10.0 * won, following * (mine if self._run_out else sign))
         if self._weights is None:
@@ -138,20 +139,20 @@ class Values:
     def _pots(self, played: PlayedBatch, legal: Ints, needed: NDArray[np.bool_]) -> Floats:
         """Returns (m, `run_outs.POTS`, w) the easiest pots after m shots, as in `Pots.rows`; see `next_pot_chance`."""
         rows, balls = np.zeros((len(needed), run_outs.POTS, WIDTH)), np.arange(played.positions.shape[1])
-        rules, most = self._setup.game_rules, min(_NEAREST, len(balls))
+        rules, most, banked = self._setup.game_rules, min(_NEAREST, len(balls)), only_banks(self._setup)
         for mask in np.unique(legal[needed]).tolist():
             which = np.flatnonzero(needed & (legal == mask))
             on_table = (played.states["object_balls"][which, None] >> balls & 1) > 0
             on_table[:, CUE_BALL] = True
             targets = (mask >> balls & 1) > 0
-            if rules.has_spots or rules.banks:  # the pots of many balls take too long
+            if rules.has_spots or banked:  # the pots of many balls take too long
                 to_cue = played.positions[which] - played.positions[which, :1]
                 far = np.where(targets, np.hypot(to_cue[..., 0], to_cue[..., 1]).mean(axis=0), np.inf)
                 targets &= far <= np.sort(far)[most - 1]
             targets = np.tile(targets, (len(which), 1))
             tables = Tables(self._setup.scene, played.positions[which], on_table, targets, self._max_speed)
-            banks = None if rules.has_spots else rules.banks
-            pots = find_pots(tables, most=run_outs.POTS, banks=banks, speeds=False, direct=not rules.banks)
+            banks = None if rules.has_spots else banked
+            pots = find_pots(tables, most=run_outs.POTS, banks=banks, speeds=False, direct=not banked)
             rows[which] = pots.rows
         return rows
 

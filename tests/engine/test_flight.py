@@ -256,7 +256,7 @@ def test_a_ball_in_the_air_meets_the_nose_of_a_cushion_or_flies_over_it():
     assert high.potted.tolist() == [True, False, False]
     assert (high.pockets[0], high.pot_order[0]) == (-1, 0)
     assert high.positions[0, 0] == 1.0 + s.balls.radius[0]
-    assert facts_of((cue_off,), high).cue_off
+    assert facts_of((cue_off,), high)["cue_off"]
 
 
 def test_a_smooth_elastic_tip_mirrors_the_velocity_of_a_ball_in_the_air():

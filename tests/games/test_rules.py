@@ -54,7 +54,7 @@ def test_the_cue_ball_may_have_another_number():
 
 def test_facts_of_a_real_shot():
     shot = simulate(Scene.named("pool"), [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45])
-    facts = words(facts_of(FACTS, shot))
+    facts = words(facts_of(FACTS, shot)[0])
     assert facts.first == (shot.first_hit,) == (1,)
     assert (facts.potted, facts.cushion_after) == ((1,), True)
 

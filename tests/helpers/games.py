@@ -97,9 +97,9 @@ def state(rules, *, on_table=None, players=2, **fields):
 def judge(rules, before, log, call=NO_CALL):
     """Returns the state before the next shot and the ruling on a shot, in words, from its events, see `record_of`."""
     record = record_of(log, cue=int(before.cue_balls[0])) if isinstance(log, str) else log
-    made = call.ball >= 0 and record.pockets[0, call.ball] == call.pocket >= 0
-    facts = shot_facts.facts_of_shots(GAMES[rules].facts, record)
-    (after,), (verdict,) = referee.judge_shots(rules, np.array([before]), facts, one_call(call, made))
+    calls = one_call(call)
+    facts = shot_facts.facts_of_shots(GAMES[rules].facts, record, None, calls)
+    (after,), (verdict,) = referee.judge_shots(rules, np.array([before]), facts, calls)
     following = {"solids": -1, "colour": False, **to_dict(after)}
     return after, SimpleNamespace(**to_dict(verdict), **{name: following[name] for name in FOLLOWING})
 
@@ -113,9 +113,9 @@ def facts_in_words(record):
     return words(shot_facts.facts_of_shots(FACTS, record_of(record) if isinstance(record, str) else record)[0])
 
 
-def one_call(call=NO_CALL, made=False):
+def one_call(call=NO_CALL):
     """Returns a call, (1,) `CALL`."""
-    return np.array([row({"ball": call.ball, "kind": CALLS.index(call.kind), "made": made}, CALL)])
+    return np.array([row({**call._asdict(), "kind": CALLS.index(call.kind)}, CALL)])
 
 
 def one_shot(rules, before, call=NO_CALL, **facts):

@@ -64,7 +64,8 @@ def test_the_type_of_a_kernel_has_its_name_and_the_hash_of_its_code():
     assert one is typeof_kernels(add_one)
     assert one != two
     assert one.name.startswith("add_one_")
-    again: Any = jit.kernel(add_one.py_func)
+    added: Any = add_one
+    again: Any = jit.kernel(added.py_func)
     assert typeof_kernels(again) == one
     with pytest.raises(TypeError, match=r"value = 1: expected kernels"):
         typeof_kernels((add_one, 1))

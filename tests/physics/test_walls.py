@@ -296,7 +296,7 @@ def test_a_rectangle_and_an_outline_have_kernels_with_the_same_names_and_argumen
     for name, *kernels in zip(Walls._fields, RECTANGLE, OUTLINE, strict=True):
         (arguments,) = {tuple(inspect.signature(kernel.py_func).parameters) for kernel in kernels}
         assert [kernel.py_func.__name__ for kernel in kernels] == [name] * 2
-        assert f"        {name}: ({', '.join(arguments)}). Returns" in Walls.__doc__
+        assert f"        {name}: ({', '.join(arguments)}). Returns" in str(Walls.__doc__)
 
 
 # Balls that overlap an outline
