@@ -9,7 +9,6 @@ from billiards_env.jit.decorators import (
     inlined,
     kernel,
     kernels_of,
-    specialised,
 )
 from billiards_env.jit.room import room_for
 
@@ -23,5 +22,4 @@ __all__ = [
     "kernel",
     "kernels_of",
     "room_for",
-    "specialised",
 ]

@@ -12,7 +12,6 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import FunctionType
 from typing import Any, TypeVar
 
 from numba.core import config as _numba_config
@@ -199,20 +198,3 @@ def entry_point(function: F) -> F:
 def allocating_entry_point(function: F) -> F:
     """Compiles a function that Python calls and that may create arrays, and keeps its machine code on disk."""
     return _compiled(EntryPoint, function)
-
-
-def specialised(
-    function: Callable[..., Any], decorator: Callable[[Any], Any] = entry_point, **kernels: Callable[..., Any]
-) -> Callable[..., Any]:
-    """Compiles a function with kernels in place of some of its global names.
-
-    The machine code contains only these kernels, so a scene compiles only the kernels that it needs.
-
-    Args:
-        function: A function of a module, without a decorator.
-        decorator: The decorator: `entry_point`, or `inlined` for a function that compiled functions call.
-        **kernels: The kernels, by the names that the function calls.
-    """
-    made: Any = FunctionType(function.__code__, {**function.__globals__, **kernels}, function.__name__)
-    made.__module__, made.__qualname__, made.__doc__ = function.__module__, function.__qualname__, function.__doc__
-    return decorator(made)

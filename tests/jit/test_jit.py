@@ -13,7 +13,6 @@ from numba.core.errors import NumbaWarning, TypingError
 
 from billiards_env.jit import compiler, folders
 from billiards_env.jit import decorators as jit
-from billiards_env.jit.code_hash import code_hash
 from billiards_env.physics import elementary
 from tests.helpers.processes import run, start
 
@@ -361,48 +360,3 @@ def test_a_division_by_zero_is_an_infinity_and_nothing_is_reassociated():
     fused = jit.kernel(lambda x, y: x * x - y)
     x = 1.0 + 2.0**-30
     assert fused(x, x * x) == 0.0  # a fused multiply-add would give the rounding error of x * x
-
-
-# Functions that are compiled once for each kernel that they call.
-
-
-@jit.kernel
-def add_one(value):
-    return value + 1
-
-
-@jit.kernel
-def add_two(value):
-    return value + 2
-
-
-change = add_one
-
-
-def change_all(values):
-    for k in range(len(values)):
-        values[k] = change(values[k])
-
-
-def test_each_function_calls_its_own_kernel():
-    values = np.zeros(2, np.int64)
-    one: Any = jit.specialised(change_all, change=add_one)
-    two: Any = jit.specialised(change_all, change=add_two)
-    one(values)
-    two(values)
-    two(values)
-    assert values.tolist() == [5, 5]
-    assert code_hash(one.py_func) != code_hash(two.py_func)  # in the names of their files
-
-
-def change_one(value):
-    return change(value)
-
-
-def test_a_specialised_kernel_takes_the_place_of_a_kernel():
-    kernels = [jit.specialised(change_one, jit.inlined, change=kernel) for kernel in (add_one, add_two)]
-    values = np.zeros(1, np.int64)
-    for kernel, total in zip(kernels, (1, 3), strict=True):
-        entry = jit.specialised(change_all, change=kernel)
-        entry(values)
-        assert values.tolist() == [total]
