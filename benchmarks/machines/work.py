@@ -1,7 +1,7 @@
 """The work whose results are compared: `python -m benchmarks.machines.work FILE NAME ...` writes its hashes as JSON.
 
 Decisions of players are not part of it: they use functions of NumPy, such as a cosine, whose last bits depend on the
-machine. The names are frozen ids, files of the leaderboard, and those of `WORK`. A name in the file is not computed again.
+machine. The names are frozen ids, files of the leaderboard, and those of `WORK`. A name in the file is not repeated.
 """
 
 from __future__ import annotations
