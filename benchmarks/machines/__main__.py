@@ -94,7 +94,7 @@ def compared(machine: str, path: Path, expected: dict[str, Any]) -> Row:
     results = json.loads(path.read_text(encoding="utf-8"))
     ids, count = sum(name in HASHES for name in results), sum(count for _, count in results.values())
     other = [name for name, (bits, _) in results.items() if bits != expected.get(name, [bits])[0]]
-    text = f"{count:,} results: {ids} frozen ids, {len(results) - ids} other kinds of work"
+    text = f"{count:,} results (frozen ids: {ids}, other work: {len(results) - ids})"
     return {"machine": machine, "compared": text, "other": len(other), "names": other, "results": results}
 
 

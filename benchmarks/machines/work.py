@@ -1,13 +1,13 @@
 """The work whose results are compared: `python -m benchmarks.machines.work FILE NAME ...` writes its hashes as JSON.
 
-The names are frozen ids, files of the leaderboard, and those of `WORK`. What the file has already is not computed.
+Decisions of players are not part of it: they use functions of NumPy, such as a cosine, whose last bits depend on the
+machine. The names are frozen ids, files of the leaderboard, and those of `WORK`. A name in the file is not repeated.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import math
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -26,7 +26,6 @@ from billiards_env.derivatives import certainty, jacobian, margins, nonsmooth, v
 from billiards_env.engine.threads import set_num_threads
 from billiards_env.games import GAMES, NO_CALL, Call, Setup, Stroke, opening, play
 from billiards_env.games.game_state import to_dict
-from billiards_env.players.planner import plan
 from billiards_env.pots.finder import find_pots
 from billiards_env.scene import Balls, Physics, Table, layouts
 from billiards_env.shots.simulation import _OUTCOME, BatchResult
@@ -81,15 +80,6 @@ def pots() -> Iterator[Any]:
     yield find_pots(tables_of(9, 20), banks=True)
 
 
-def plans() -> Iterator[Any]:
-    """Yields decisions of the planner."""
-    setup = Setup("nine_ball", Scene.named("real_pool", 9))
-    for seed in range(3):
-        rng = np.random.default_rng(seed)
-        best = plan(setup, opening(setup, rng, "random"), 8.0, rng, math.inf, 2000)
-        yield from (one._replace(alternatives=()) for one in (best, *best.alternatives))
-
-
 def games() -> Iterator[Any]:
     """Yields the states of a random game of each kind."""
     for name, rules in GAMES.items():
@@ -124,10 +114,7 @@ WORK: dict[str, Callable[[], Any]] = {
     "random physics": lambda: [shots(_RACK, 40, physics={"mu_roll": np.linspace(0.005, 0.015, 40)})],
     **{name.replace(",", ""): lambda name=name: [shots(families.FAMILIES[name], 100)] for name in _FAMILIES},
     **{f"timestep {fix}": lambda engine=engine: [shots(_RACK, 40, engine=engine)] for fix, engine in _PIT.items()},
-    **{
-        work.__name__.replace("_", " "): work
-        for work in (strikes, many_balls, derivatives, pots, plans, games, observations)
-    },
+    **{work.__name__.replace("_", " "): work for work in (strikes, many_balls, derivatives, pots, games, observations)},
 }
 """Functions that yield results, by name."""
 

@@ -158,7 +158,7 @@ def test_results_are_compared_by_name(tmp_path):
     write_json(tmp_path / "results", {"Pot1-v0": ["a", 100], "pots": ["b", 7]})
     row = machines.compared("here", tmp_path / "results", {"Pot1-v0": ["a", 100], "pots": ["c", 7]})
     assert (row["other"], row["names"]) == (1, ["pots"])
-    assert row["compared"] == "107 results: 1 frozen ids, 1 other kinds of work"
+    assert row["compared"] == "107 results (frozen ids: 1, other work: 1)"
 
 
 @pytest.mark.parametrize("option", ["--parts", "--only"])
