@@ -333,7 +333,7 @@ WRONG: list[tuple[Any, Any, str]] = [
     (maker, lambda argument, where: None, "^player = 'wrong_.*': expected a function that returns a player"),
     (maker, lambda: None, "^make of player 'wrong_.*' " + ARGUMENTS.format(2)),
     (maker, ending, "^player 'wrong_.*' " + ENDED),
-    (in_player, None, "^stroke of player 'wrong_.*' = None: " + TYPE.format("Stroke", "NoneType")),
+    (in_player, None, "^stroke of player 'wrong_.*' = None: expected a Stroke, a player returns situation.stroke"),
     (in_player, ending, "^stroke of player 'wrong_.*' " + ENDED),
     (in_player, Stroke(None), "^stroke.velocity of player 'wrong_.*' = None: expected two numbers"),
     (

@@ -288,8 +288,7 @@ from billiards_env.envs import make_env, step
 env = make_env(task="my_billiards:cushion_first")
 env.reset(seed=0, options={"positions": [[0.4, 0.3], [0.4, -0.3], [0.8, 0.2]]})
 points = env.step([0.0, 0.8])[1]
-from my_billiards import judge_cushion_first
-print(int(points), sum(step.scoring(judge_cushion_first).stats.cache_hits.values()))
+print(int(points), sum(step.score_shots.stats.cache_hits.values()))
 """
 
 

@@ -25,8 +25,7 @@ from billiards_env.games.entry import Game
 from billiards_env.games.facts import cushions_before_first, cushions_before_last, driven_off, first, scratch, touched
 from billiards_env.games.game_state import NO_FOUL, NOT_IN_HAND, SHOT, Called, size
 from billiards_env.games.pool import EIGHT, eight_ball, group_of, group_or_eight, lowest_ball, nine_ball
-from billiards_env.games.referee import GAMES, first_state, legal_balls
-from billiards_env.games.turn import judged
+from billiards_env.games.referee import GAMES, first_state, judged, legal_balls
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene

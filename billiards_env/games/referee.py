@@ -16,11 +16,15 @@ from billiards_env.games import bank_pool, blackball, carom, one_pocket, pool, s
 from billiards_env.games.entry import Game
 from billiards_env.games.game_state import (
     BEHIND,
+    BREAKING_FOUL,
     CALLS,
     MOST_BALLS,
     MOST_PLAYERS,
+    NO_FOUL,
+    NO_RERACK,
     NOT_IN_HAND,
     PUSH_OUT,
+    RERACK_ALL,
     VERDICT,
     RulesState,
     check_indices,
@@ -28,8 +32,7 @@ from billiards_env.games.game_state import (
     set_of,
     write_verdict,
 )
-from billiards_env.games.turn import judged
-from billiards_env.jit import entry_point, kernels_of
+from billiards_env.jit import entry_point, inlined, kernels_of
 from billiards_env.support.checks import Range, add_entry, entry_of, one_of, sequence
 
 FAMILIES = pool, one_pocket, bank_pool, blackball, snooker, carom
@@ -150,6 +153,42 @@ def callable_balls(game: str, states: NDArray[Any], players: NDArray[np.int64]) 
     if kernel is None:
         raise ValueError(f"game = {game!r}: expected a game with called shots")
     return _balls(game, kernel, states, players)
+
+
+@inlined
+def judged(judge, state, facts, call):
+    """Judges a shot and changes the state to the one before the next shot. A potted cue ball returns to the table.
+
+    Args:
+        judge: The kernel `Game.judge` of the game.
+        state: A row of `Game.state_type`, which changes.
+        facts: A row of `Game.facts_type`.
+        call: A row of `CALL`, or `Called`.
+
+    Returns:
+        The `Verdict`.
+    """
+    state.in_hand, state.choices = NOT_IN_HAND, 0
+    verdict = judge(state, facts, call)
+    if state.break_shot:
+        state.breaker = state.player
+    state.idle = 0 if verdict.foul != NO_FOUL or verdict.points != 0 or facts.potted != 0 else state.idle + 1
+    player, following = state.player, (state.player + 1) % state.n_players
+    state.scores[player] += verdict.points | 0  # does not compile for a float, which NumPy would round
+    state.scores[following] += verdict.penalty | 0
+    # A breaking foul is not one of three consecutive fouls (WPA 4.11); the third one clears the count.
+    fouled = verdict.foul != NO_FOUL and verdict.foul != BREAKING_FOUL and verdict.rack != RERACK_ALL
+    state.fouls[player] = state.fouls[player] + 1 if fouled else 0
+    state.object_balls = (state.object_balls & ~(facts.potted | facts.driven_off)) | verdict.spotted
+    if verdict.rack != NO_RERACK:
+        state.object_balls = state.balls
+    state.break_shot = verdict.rack == RERACK_ALL
+    if not verdict.continues:
+        state.player = following
+        struck, other = state.cue_balls[0], state.cue_balls[1]
+        state.cue_balls[0], state.cue_balls[1] = other, struck
+        state.object_balls = (state.object_balls | 1 << struck) & ~(1 << other)
+    return verdict
 
 
 @entry_point

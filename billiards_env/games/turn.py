@@ -16,14 +16,11 @@ from numpy.typing import NDArray
 from billiards_env.games.entry import Game, no_rack, no_rerack
 from billiards_env.games.game_state import (
     BREAK_AGAIN,
-    BREAKING_FOUL,
     HAND_BACK,
     MOST_PLAYERS,
-    NO_FOUL,
     NO_RERACK,
     NOT_IN_HAND,
     REPLACE,
-    RERACK_ALL,
     RERACK_REST,
     STALEMATE,
     VERDICT,
@@ -31,45 +28,10 @@ from billiards_env.games.game_state import (
     write_verdict,
 )
 from billiards_env.games.placement import PlacementNumbers, no_room, placement_area, placement_numbers
+from billiards_env.games.referee import judged
 from billiards_env.jit import entry_point, inlined
 from billiards_env.physics.state import X, Y
 from billiards_env.scene import Scene
-
-
-@inlined
-def judged(judge, state, facts, call):
-    """Judges a shot and changes the state to the one before the next shot. A potted cue ball returns to the table.
-
-    Args:
-        judge: The kernel `Game.judge` of the game.
-        state: A row of `Game.state_type`, which changes.
-        facts: A row of `Game.facts_type`.
-        call: A row of `CALL`, or `Called`.
-
-    Returns:
-        The `Verdict`.
-    """
-    state.in_hand, state.choices = NOT_IN_HAND, 0
-    verdict = judge(state, facts, call)
-    if state.break_shot:
-        state.breaker = state.player
-    state.idle = 0 if verdict.foul != NO_FOUL or verdict.points != 0 or facts.potted != 0 else state.idle + 1
-    player, following = state.player, (state.player + 1) % state.n_players
-    state.scores[player] += verdict.points | 0  # does not compile for a float, which NumPy would round
-    state.scores[following] += verdict.penalty | 0
-    # A breaking foul is not one of three consecutive fouls (WPA 4.11); the third one clears the count.
-    fouled = verdict.foul != NO_FOUL and verdict.foul != BREAKING_FOUL and verdict.rack != RERACK_ALL
-    state.fouls[player] = state.fouls[player] + 1 if fouled else 0
-    state.object_balls = (state.object_balls & ~(facts.potted | facts.driven_off)) | verdict.spotted
-    if verdict.rack != NO_RERACK:
-        state.object_balls = state.balls
-    state.break_shot = verdict.rack == RERACK_ALL
-    if not verdict.continues:
-        state.player = following
-        struck, other = state.cue_balls[0], state.cue_balls[1]
-        state.cue_balls[0], state.cue_balls[1] = other, struck
-        state.object_balls = (state.object_balls | 1 << struck) & ~(1 << other)
-    return verdict
 
 
 @inlined

@@ -8,6 +8,7 @@ Modules:
     planner: The player that plans under execution noise.
     candidates: The shots among which the planner chooses.
     values: The value of the outcomes of shots.
+    hints: What the players use of the rules of a game.
     run_outs: The probability of a run-out from a position, by a small network.
     levels: Levels of strength of the planner, by noise and budget.
     named: The table of the players, found by name.

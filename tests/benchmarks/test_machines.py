@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from benchmarks.machines import __main__ as machines
-from benchmarks.machines import blocks, record, replay
+from benchmarks.machines import blocks, record, replay, work
+from billiards_env.bench.published import HASHES
 from billiards_env.support.files import write_json
 
 ENTRIES = """
@@ -166,3 +167,13 @@ def test_unknown_parts_and_work_are_errors(option, runs, tmp_path):
     with pytest.raises(SystemExit):
         machines.main([option, "none", "--output", str(tmp_path / "rows.json")])
     assert runs[0] == []
+
+
+def test_work_is_done_once(tmp_path, monkeypatch, capsys):
+    path, results = tmp_path / "results.json", {"Pot1-v0": [HASHES["Pot1-v0"], 100]}
+    work.main(path, ["Pot1-v0"])
+    assert json.loads(path.read_text()) == results
+    assert capsys.readouterr().out.startswith("Pot1-v0: ")
+    monkeypatch.delattr(work, "result_of")
+    work.main(path, ["Pot1-v0"])
+    assert json.loads(path.read_text()) == results
