@@ -20,7 +20,7 @@ Interval Analysis, chapter 11). They are series in P, but if both contacts slip,
 rho + sigma at the start of the step, where rho and sigma are the sizes of the slips at the cushion and at the cloth. In
 tau, a slip that stops decays exponentially. Slips that begin are series P u(P), or P^2 u(P) at the end of a stick. A
 step ends where a series has a term of 5e-17, and where a contact begins to slip, the ball leaves the cloth or a phase
-ends: at a root of a polynomial. The error is at most 2e-13 of the normal velocity and the rounding of the result, but
+ends: at a root of a polynomial. The error is at most 1e-12 of the normal velocity and the rounding of the result, but
 larger if a slip creeps for `_PATIENCE` steps, with friction near the limit of sticking.
 
 The axes are x along the cushion, y into it and z up. Impulses are per mass; spins are times the radius. Below, (x, y)
