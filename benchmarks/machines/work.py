@@ -107,7 +107,7 @@ def observations() -> Iterator[Any]:
 
 _RACK = families.FAMILIES["15-ball break, loose rack"]
 _PIT = {fix: Engine("pit", 1 / 60, fix) for fix in ("push_apart", "move_back", "none", "time_of_impact")}
-_FAMILIES = "real pool, 5 object balls", "jump shots, 3 object balls", "rain of 6 balls with jaws", "stacks, leaning"
+_FAMILIES = "real pool, 5 object balls", "rain of 6 balls with jaws", "stacks, leaning"
 
 WORK: dict[str, Callable[[], Any]] = {
     "breaks": lambda: [shots(_RACK, 40)],
