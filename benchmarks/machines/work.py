@@ -107,12 +107,10 @@ def observations() -> Iterator[Any]:
 
 _RACK = families.FAMILIES["15-ball break, loose rack"]
 _PIT = {fix: Engine("pit", 1 / 60, fix) for fix in ("push_apart", "move_back", "none", "time_of_impact")}
-_FAMILIES = "real pool, 5 object balls", "rain of 6 balls with jaws", "stacks, leaning"
 
 WORK: dict[str, Callable[[], Any]] = {
     "breaks": lambda: [shots(_RACK, 40)],
     "random physics": lambda: [shots(_RACK, 40, physics={"mu_roll": np.linspace(0.005, 0.015, 40)})],
-    **{name.replace(",", ""): lambda name=name: [shots(families.FAMILIES[name], 100)] for name in _FAMILIES},
     **{f"timestep {fix}": lambda engine=engine: [shots(_RACK, 40, engine=engine)] for fix, engine in _PIT.items()},
     **{work.__name__.replace("_", " "): work for work in (strikes, many_balls, derivatives, pots, games, observations)},
 }
