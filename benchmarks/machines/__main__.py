@@ -49,7 +49,7 @@ DEBIAN = {"3.11": "bookworm", "3.13": "trixie"}
 
 GENERIC = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
 SETTINGS = {"generic CPU": GENERIC, "NUMBA_OPT=0": {"NUMBA_OPT": "0"}, "NUMBA_OPT=3": {"NUMBA_OPT": "3"}}
-FEW = *IDS, "jump shots 3 object balls", "timestep push_apart"
+FEW = *IDS, "Jump-v0", "timestep push_apart"
 """The work of the parts settings and numba."""
 
 Row = dict[str, Any]
