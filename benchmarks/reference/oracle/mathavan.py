@@ -238,7 +238,12 @@ def _forward(z: Sequence[Real], nose: Nose, how: Any, t: float) -> Callable[[flo
 
 
 def _contacts(z: Any, nose: Nose, slips: list[bool], begins: list[bool], released: bool, lifted: Any) -> Any:
-    """Returns whether the ball leaves the cloth, which contacts slip, which begin to, and the guess of such a step."""
+    """Finds what the contacts do in the next step.
+
+    Returns:
+        (lifted, slips, begins, start): whether the ball leaves the cloth, whether each contact slips, whether each
+        contact begins to slip, and a function that returns the first guess of the slips in a step of a given length.
+    """
     slips, begins, where = list(slips), list(begins), None
     numbers = Nose(*map(float, nose))
     if slips[0] and lifted is None:
