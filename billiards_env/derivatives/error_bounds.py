@@ -26,7 +26,9 @@ from billiards_env.derivatives.sweeps import (
     trace,
 )
 from billiards_env.engine.log import BALL, balls_of, event_time
-from billiards_env.jit import allocating_entry_point, inlined
+from billiards_env.engine.runner import INTERRUPTED
+from billiards_env.jit import allocating, entry_point, inlined
+from billiards_env.jit.interrupt import end_call
 from billiards_env.physics.state import Time, law_numbers_of
 
 
@@ -58,7 +60,7 @@ def _larger(most, value):
     return value if value > most or value != value else most
 
 
-@allocating_entry_point
+@entry_point
 def bound_errors(kernels, begin, end, shots, times, inputs, limits, bounds):  # out: bounds
     """Computes bounds of the errors of shots `begin` to `end` - 1, up to each event and up to the end.
 
@@ -73,6 +75,12 @@ def bound_errors(kernels, begin, end, shots, times, inputs, limits, bounds):  # 
         bounds: (l + m, 2) float64 out: bounds of a gap, m, and of a difference of times, s, for the l events in the
             order of the log. A row for the end of each shot follows its events.
     """
+    end_call(_bound_errors(kernels, begin, end, shots, times, inputs, limits, bounds))
+
+
+@allocating
+def _bound_errors(kernels, begin, end, shots, times, inputs, limits, bounds):  # out: bounds
+    """Computes the bounds, see `bound_errors`. Returns whether it was interrupted."""
     shots, (ratio, largest) = RecordedShots(*shots), limits
     n, count, pending = len(shots.scene[1]), inputs.shape[1], 0
     most = (largest / ratio) * (largest / ratio)
@@ -96,6 +104,9 @@ def bound_errors(kernels, begin, end, shots, times, inputs, limits, bounds):  # 
                         condition = _position_condition(int(events[e, BALL + s]), now, changes, shot, tangent, tape)
                         position = _larger(position, condition)
                 pending = look_after(pending + count * (n + LANE_WORK * shot.scene.numbers.cushion_work))
+                if pending == INTERRUPTED:
+                    return True
             known = position < most and time < most
             bounds[row + e, 0] = ratio * math.sqrt(position) if known else math.inf
             bounds[row + e, 1] = ratio * math.sqrt(time) if known else math.inf
+    return False

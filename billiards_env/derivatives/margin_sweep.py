@@ -53,7 +53,9 @@ from billiards_env.derivatives.sweeps import (
     trace,
 )
 from billiards_env.engine.log import BALL, BALL_BALL, BALL_CUSHION, BALL_POCKET, KIND, OTHER, TIME, balls_of, event_time
-from billiards_env.jit import allocating_entry_point, inlined, kernel
+from billiards_env.engine.runner import INTERRUPTED
+from billiards_env.jit import allocating, entry_point, inlined, kernel
+from billiards_env.jit.interrupt import end_call
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import misses_circle
 from billiards_env.physics.geometry.walls import is_beside
@@ -274,7 +276,7 @@ def _move_ends(i, over):  # out: over
             out.rate[low, high] = 0.0
 
 
-@allocating_entry_point
+@entry_point
 def push_margins(kernels, begin, end, shots, times, inputs, selected, results):  # out: results
     """Computes the margins of shots `begin` to `end` - 1 and their changes by changes of the inputs.
 
@@ -289,6 +291,12 @@ def push_margins(kernels, begin, end, shots, times, inputs, selected, results): 
         results: Three float64 output arrays, see `MarginsOut`: the margins (m, n, q), minus infinity where not
             selected; the times (m, n, q); the slopes (m, k, n, q).
     """
+    end_call(_push_margins(kernels, begin, end, shots, times, inputs, selected, results))
+
+
+@allocating
+def _push_margins(kernels, begin, end, shots, times, inputs, selected, results):  # out: results
+    """Computes the margins, see `push_margins`. Returns whether it was interrupted."""
     shots, (margins, nearest, slopes) = RecordedShots(*shots), results
     _, n, bodies = margins.shape
     count, pending = inputs.shape[1], 0
@@ -316,6 +324,8 @@ def push_margins(kernels, begin, end, shots, times, inputs, selected, results): 
                 _move_ends(int(shot.events[e, BALL + s]), over)
             begin_pieces(e, shot.events, tape)
             pending = look_after(pending + LANE_WORK * (1 + count) * (1 + shot.scene.numbers.cushion_work))
+            if pending == INTERRUPTED:
+                return True
         for i in range(n):
             pass_bodies(i, Time(times[k], 0.0), AT_END, over)
         for i in range(n):
@@ -323,3 +333,4 @@ def push_margins(kernels, begin, end, shots, times, inputs, selected, results): 
                 out.margin[i, j], out.time[i, j] = out.margin[j, i], out.time[j, i]
                 for c in range(count):
                     out.slope[c, i, j] = out.slope[c, j, i]
+    return False

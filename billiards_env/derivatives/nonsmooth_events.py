@@ -48,7 +48,9 @@ from billiards_env.engine.log import (
     begin_time,
     event_time,
 )
-from billiards_env.jit import allocating_entry_point, inlined, kernel
+from billiards_env.engine.runner import INTERRUPTED
+from billiards_env.jit import allocating, entry_point, inlined, kernel
+from billiards_env.jit.interrupt import end_call
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import misses_circle
 from billiards_env.physics.geometry.walls import is_at_joint, is_beside
@@ -303,7 +305,7 @@ def _cut(done, over):  # out: over
             _find(over.until.hi, _BETWEEN, IS_CUT, over)
 
 
-@allocating_entry_point
+@entry_point
 def find_nonsmooth(kernels, begin, end, shots, times, within, results):  # out: results
     """Finds the first reason why shots `begin` to `end` - 1 have no derivative.
 
@@ -318,6 +320,12 @@ def find_nonsmooth(kernels, begin, end, shots, times, within, results):  # out: 
         results: (m, 2) int64 out: the last event until then and the index of the reason in `REASONS`; -1 and -1 if
             there is none. The start of the shot is event -1.
     """
+    end_call(_find_nonsmooth(kernels, begin, end, shots, times, within, results))
+
+
+@allocating
+def _find_nonsmooth(kernels, begin, end, shots, times, within, results):  # out: results
+    """Finds the reasons, see `find_nonsmooth`. Returns whether it was interrupted."""
     shots = RecordedShots(*shots)
     tape, n, first, pending = empty_tape(begin, end, shots, 0), len(shots.scene[1]), np.empty(1), 0
     last = np.empty(n, np.int64)
@@ -351,6 +359,8 @@ def find_nonsmooth(kernels, begin, end, shots, times, within, results):  # out: 
             begin_pieces(done, log, tape)
             done += 1
             pending = look_after(pending + LANE_WORK * (n + shot.scene.numbers.cushion_work))
+            if pending == INTERRUPTED:
+                return True
         over.within[:] = within[min(at + done, len(within) - 1)]
         for i in range(n):
             pass_bodies(i, until, AT_END, over)
@@ -359,3 +369,4 @@ def find_nonsmooth(kernels, begin, end, shots, times, within, results):  # out: 
             results[k, 0] = -1
             while results[k, 0] + 1 < done and log[results[k, 0] + 1, TIME] <= first[0]:
                 results[k, 0] += 1
+    return False

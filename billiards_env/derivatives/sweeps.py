@@ -62,7 +62,8 @@ from billiards_env.engine.log import (
     begin_time,
     event_time,
 )
-from billiards_env.jit import allocating, allocating_entry_point, expanded, inlined, kernel
+from billiards_env.engine.runner import INTERRUPTED
+from billiards_env.jit import allocating, entry_point, expanded, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import meet
 from billiards_env.physics.ball_cushion import bounce
@@ -141,10 +142,9 @@ def shot_of(kernels, shots, k):
 
 @inlined
 def look_after(pending):
-    """Looks for Ctrl-C after some work, in units of events times lanes. Returns the work since then."""
+    """Looks for Ctrl-C after some work, in units of events times lanes. Returns the work since then, or INTERRUPTED."""
     if pending > _LOOK_AFTER:
-        end_call(interrupted())
-        return 0
+        return INTERRUPTED if interrupted() else 0
     return pending
 
 
@@ -448,7 +448,7 @@ def push_event(e, inputs, shot, tangent, tape):  # out: tangent, tape
         _store(int(events[e, BALL + s]), s, tape.lanes, tangent)
 
 
-@allocating_entry_point
+@entry_point
 def push_lanes(kernels, begin, end, shots, times, inputs, results):  # out: results
     """Computes the changes of shots `begin` to `end` - 1 by changes of their inputs.
 
@@ -463,6 +463,12 @@ def push_lanes(kernels, begin, end, shots, times, inputs, results):  # out: resu
             (m, k, l, 3) float64, the changes of time and place of the first l events, zero for events after the last of
             these times.
     """
+    end_call(_push_lanes(kernels, begin, end, shots, times, inputs, results))
+
+
+@allocating
+def _push_lanes(kernels, begin, end, shots, times, inputs, results):  # out: results
+    """Computes the changes, see `push_lanes`. Returns whether it was interrupted."""
     shots, (outputs, at_events) = RecordedShots(*shots), results
     n, count, most = outputs.shape[3], inputs.shape[1], at_events.shape[2]
     tape, tangent, pending = empty_tape(begin, end, shots, count), np.empty((n, count, BALL_WIDTH)), 0
@@ -482,12 +488,15 @@ def push_lanes(kernels, begin, end, shots, times, inputs, results):  # out: resu
                             at_events[k, c, done, j] = lanes[c, D_TIME + j]
                 done += 1
                 pending = look_after(pending + count * (1 + LANE_WORK * shot.scene.numbers.cushion_work))
+                if pending == INTERRUPTED:
+                    return True
             for i in range(n):
                 load_changes(i, 0, changes, tangent, lanes)
                 _apply_end(i, count, times[k, q], shot, tape)
                 for c in range(count):
                     for j in range(BALL_WIDTH):
                         outputs[k, q, c, i, j] = lanes[c, j]
+    return False
 
 
 @inlined
@@ -622,7 +631,7 @@ def _is_zero(i, adjoint):
     return True
 
 
-@allocating_entry_point
+@entry_point
 def pull_lanes(kernels, begin, end, shots, times, outputs, at_events, inputs):  # out: outputs, inputs
     """Computes the products of adjoints of the outputs of shots `begin` to `end` - 1 with their Jacobians.
 
@@ -637,6 +646,12 @@ def pull_lanes(kernels, begin, end, shots, times, outputs, at_events, inputs):  
         inputs: (m, k, 9 n) float64 out, the products, which are zero for radii and masses; if constants change,
             (m, k, 9 n + NUMBER_INPUTS).
     """
+    end_call(_pull_lanes(kernels, begin, end, shots, times, outputs, at_events, inputs))
+
+
+@allocating
+def _pull_lanes(kernels, begin, end, shots, times, outputs, at_events, inputs):  # out: outputs, inputs
+    """Computes the products, see `pull_lanes`. Returns whether it was interrupted."""
     shots = RecordedShots(*shots)
     n, count, most = outputs.shape[2], outputs.shape[1], at_events.shape[2]
     constants = inputs.shape[2] > BALL_INPUTS * n
@@ -691,6 +706,8 @@ def pull_lanes(kernels, begin, end, shots, times, outputs, at_events, inputs):  
                 for c in range(count):
                     adjoint[c, i, DWZ] *= factor
             pending = look_after(pending + lanes * (1 + LANE_WORK * shot.scene.numbers.cushion_work))
+            if pending == INTERRUPTED:
+                return True
         for i in range(n):
             if not _is_zero(i, adjoint):
                 phase = _phase_until(i, times[k], paths)
@@ -702,3 +719,4 @@ def pull_lanes(kernels, begin, end, shots, times, outputs, at_events, inputs):  
             for c in range(count):
                 for d in range(BALL_WIDTH):
                     sums[c, BALL_INPUTS * i + d] = adjoint[c, i, d]
+    return False

@@ -21,7 +21,7 @@ import numpy as np
 
 from billiards_env.engine.compile import scene_kernels
 from billiards_env.engine.shots import HEIGHT, Starts, load_balls, store
-from billiards_env.jit import allocating_entry_point, entry_point, inlined
+from billiards_env.jit import allocating, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch, set_normal
@@ -129,16 +129,23 @@ def _gather(k, scene, starts, state, contacts):  # out: contacts
     return count
 
 
-@allocating_entry_point
+@entry_point
 def _drive(kernels, begin, end, ball, cue, scene, starts):  # out: starts
     """Replaces the starts of the shots in which the cue drives frozen balls, whose restitution is -`LEFT`."""
+    end_call(_drive_balls(kernels, begin, end, ball, cue, scene, starts))
+
+
+@allocating
+def _drive_balls(kernels, begin, end, ball, cue, scene, starts):  # out: starts
+    """Replaces the starts, see `_drive`. Returns whether it was interrupted."""
     cue, starts, arrays = CueNumbers(*cue), Starts(*starts), scene_of(kernels, scene, 0)
     n = len(arrays.radius)
     most = n * (n - 1) // 2
     state, contacts = empty_state(n, arrays.flight), empty_contacts(most, arrays.flight)
     scratch = empty_scratch(n, most, arrays.laws.friction, arrays.flight)
     for k in range(begin, end):
-        end_call(interrupted())
+        if interrupted():
+            return True
         arrays = scene_of(kernels, scene, k)
         if starts.cue[k] != ball or not _drives(k, ball, arrays, starts):
             continue
@@ -161,3 +168,4 @@ def _drive(kernels, begin, end, ball, cue, scene, starts):  # out: starts
                 state.rows[i, c] *= factor
             scale_rise(arrays.flight, state.rows[i], factor)
         store(k, starts, arrays, state)
+    return False

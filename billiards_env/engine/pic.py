@@ -25,7 +25,7 @@ from billiards_env.engine.pic_events import resolve_impacts, resolve_singles
 from billiards_env.engine.predictions import PAIR_RANK, QueueKernels, queue_of
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, end_at
-from billiards_env.jit import allocating, allocating_entry_point, inlined
+from billiards_env.jit import allocating, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts
 from billiards_env.physics.motion import begin_phase
@@ -162,7 +162,14 @@ def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
 _run_all = for_all_shots(run)
 
 
-@allocating_entry_point
+@allocating
+def _run_shots(kernels, begin, end, scene, limit, max_events, shots, log):  # out: shots, log
+    """Runs shots, see `run_shots`. Returns whether it was interrupted."""
+    work = make_workspace(scene_of(kernels.scene, scene, 0), kernels.queue)
+    return _run_all(range(begin, end), kernels.scene, scene, work, limit, max_events, shots, log)
+
+
+@entry_point
 def run_shots(kernels, begin, end, scene, limit, max_events, shots, log):  # out: shots, log
     """Runs shots `begin` to `end` - 1 of a batch in place. An interrupted shot keeps its start.
 
@@ -176,5 +183,4 @@ def run_shots(kernels, begin, end, scene, limit, max_events, shots, log):  # out
         shots: The `Shots`.
         log: The `Log`; it holds the last shot.
     """
-    work = make_workspace(scene_of(kernels.scene, scene, 0), kernels.queue)
-    end_call(_run_all(range(begin, end), kernels.scene, scene, work, limit, max_events, shots, log))
+    end_call(_run_shots(kernels, begin, end, scene, limit, max_events, shots, log))

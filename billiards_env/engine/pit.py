@@ -41,7 +41,7 @@ from billiards_env.engine.overlaps import (
 from billiards_env.engine.pit_flight import end_flight, find_height, hit_noses, land_pressed, overlap_in_space
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, count_hit, end_at, pot, record_event
-from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
+from billiards_env.jit import allocating, entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange, restitution_at
 from billiards_env.physics.ball_cushion import reflect, reflect_both
@@ -470,8 +470,14 @@ def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
 _run_all = for_all_shots(run)
 
 
-@allocating_entry_point
+@allocating
+def _run_shots(kernels, begin, end, scene, limit, max_events, shots, log):  # out: shots, log
+    """Runs shots, see `run_shots`. Returns whether it was interrupted."""
+    work = make_workspace(scene_of(kernels, scene, 0))
+    return _run_all(range(begin, end), kernels, scene, work, limit, max_events, shots, log)
+
+
+@entry_point
 def run_shots(kernels, begin, end, scene, limit, max_events, shots, log):  # out: shots, log
     """Runs shots of a batch in place, as `engine.pic.run_shots` does and with the same arguments."""
-    work = make_workspace(scene_of(kernels, scene, 0))
-    end_call(_run_all(range(begin, end), kernels, scene, work, limit, max_events, shots, log))
+    end_call(_run_shots(kernels, begin, end, scene, limit, max_events, shots, log))

@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.engine.cell_grid import cell_of, empty_cells
 from billiards_env.engine.compile import MANY_BALLS, Engine, check_varied_name, scene_fields, scene_kernels
+from billiards_env.engine.runner import INTERRUPTED
 from billiards_env.engine.shots import Shots, start_fields
 from billiards_env.engine.threads import parallel_for
-from billiards_env.jit import allocating_entry_point, entry_point, inlined
+from billiards_env.jit import allocating, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.noses import is_free
@@ -40,6 +41,8 @@ Floats = NDArray[np.float64]
 
 _CLOSE = 1.0 + 1e-12  # relative; closer to a limit the slow check decides, because it rounds differently
 _LOOK_AFTER = 10_000_000  # pairs of balls between two calls of `interrupted`: about ten milliseconds
+
+DOUBTFUL, VALID = 0, 1  # results of the fast check, beside INTERRUPTED
 
 
 class ShotInput(NamedTuple):
@@ -131,24 +134,34 @@ def _is_apart(i, places, in_play, scene, cells):  # out: cells
 
 
 @inlined
-def _are_valid(begin, end, scene, starts, cells):  # out: cells
-    """Returns whether all shots from `begin` to `end - 1` may start; `cells` is a result of `empty_cells`, or None."""
+def _test(begin, end, scene, starts, cells):  # out: cells
+    """Returns VALID if all shots from `begin` to `end - 1` may start, DOUBTFUL or INTERRUPTED.
+
+    `cells` is a result of `empty_cells`, or None.
+    """
     positions, velocities, spins, in_play, _, _ = starts
     n = len(scene.radius)
     pairs = 0
     for k in range(begin, end):
         pairs += n * ((n if cells is None else 9) + 8)
         if pairs > _LOOK_AFTER:
-            end_call(interrupted())
+            if interrupted():
+                return INTERRUPTED
             pairs = 0
         if cells is not None:
             cells[0][:] = -1
         for i in range(n):
             if not _is_valid_alone(i, positions[k, i], velocities[k, i], spins[k, i], in_play[k, i], scene):
-                return False
+                return DOUBTFUL
             if in_play[k, i] and not _is_apart(i, positions[k], in_play[k], scene, cells):
-                return False
-    return True
+                return DOUBTFUL
+    return VALID
+
+
+@allocating
+def _test_many(begin, end, scene, starts):
+    """Returns the same as `_test`, faster for many balls: only balls in neighbouring cells are compared."""
+    return _test(begin, end, scene, starts, empty_cells(scene))
 
 
 @entry_point
@@ -168,15 +181,17 @@ def is_valid_fast(kernels, begin, end, scene, starts):
         True if all numbers are within their ranges, balls of infinite mass rest, and balls in play lie inside the
         cushions, outside the pockets and apart from each other.
     """
-    arrays = scene_of(kernels, scene, 0)
-    return _are_valid(begin, end, arrays, starts, None)
+    found = _test(begin, end, scene_of(kernels, scene, 0), starts, None)
+    end_call(found == INTERRUPTED)
+    return found == VALID
 
 
-@allocating_entry_point
+@entry_point
 def is_valid_fast_of_many(kernels, begin, end, scene, starts):
-    """Returns the same as `is_valid_fast`, faster for many balls: only balls in neighbouring cells are compared."""
-    arrays = scene_of(kernels, scene, 0)
-    return _are_valid(begin, end, arrays, starts, empty_cells(arrays))
+    """Returns the same as `is_valid_fast`, faster for many balls."""
+    found = _test_many(begin, end, scene_of(kernels, scene, 0), starts)
+    end_call(found == INTERRUPTED)
+    return found == VALID
 
 
 def check_shot(

@@ -3,7 +3,6 @@
 from billiards_env.jit.decorators import (
     Typed,
     allocating,
-    allocating_entry_point,
     entry_point,
     expanded,
     inlined,
@@ -15,7 +14,6 @@ from billiards_env.jit.room import room_for
 __all__ = [
     "Typed",
     "allocating",
-    "allocating_entry_point",
     "entry_point",
     "expanded",
     "inlined",

@@ -149,13 +149,15 @@ class Kernel(CPUDispatcher):
         """Compiles the function for a call, once for all constants of a type. Without this, compiling takes 4% longer.
 
         Raises:
-            TypingError: If the function may create arrays and its caller cannot. Nothing would free the arrays.
+            TypingError: If the function returns arrays that it creates and its caller cannot free them.
         """
-        caller = ConfigStack.top_or_none()
-        if self.targetoptions.get("_nrt", True) and caller is not None and not caller.nrt:
-            raise TypingError(f"call of {self.py_func.__qualname__}: expected a caller that may create arrays")
         plain = {name: unliteral(kind) for name, kind in kws.items()}
-        return super().get_call_template(tuple(map(unliteral, args)), plain)
+        call, caller = super().get_call_template(tuple(map(unliteral, args)), plain), ConfigStack.top_or_none()
+        if self.targetoptions["_nrt"] and caller is not None and not caller.nrt:
+            result = self.overloads[tuple(call[2])].signature.return_type
+            if self.targetctx.data_model_manager[result].contains_nrt_meminfo():
+                raise TypingError(f"call of {self.py_func.__qualname__}: expected a caller that may create arrays")
+        return call
 
     def add_overload(self, cres: Any) -> None:
         """Stores a compiled function. Numba finds it by its entry point, for which its library stands."""

@@ -1,8 +1,8 @@
 """Decorators that compile functions with numba, with strict IEEE arithmetic and a cache on disk.
 
-Compiled functions call functions with `kernel`, `inlined` or `allocating`. Python calls functions with `entry_point` or
-`allocating_entry_point`. This module and `jit.compiler` use undocumented parts of numba, such as `_nrt` and the
-dispatcher, so `pyproject.toml` has an upper bound on its version.
+Compiled functions call functions with `kernel`, `inlined` or `allocating`. Python calls functions with `entry_point`.
+This module and `jit.compiler` use undocumented parts of numba, such as `_nrt` and the dispatcher, so `pyproject.toml`
+has an upper bound on its version.
 """
 
 from __future__ import annotations
@@ -186,15 +186,18 @@ def expanded(function: F) -> F:
 
 
 def allocating(function: F) -> F:
-    """Compiles a function that other compiled functions call and that may create arrays."""
-    return _compiled(Kernel, function)
+    """Compiles a function that other compiled functions call and that may create arrays.
+
+    It must not raise an exception, because nothing would free its arrays. Only another `allocating` function can call
+    it if it returns arrays.
+    """
+    return _compiled(Kernel, function, _nrt=True)
 
 
 def entry_point(function: F) -> F:
-    """Compiles a function that Python calls, and keeps its machine code on disk. It cannot create or return arrays."""
+    """Compiles a function that Python calls, and keeps its machine code on disk. It cannot create or return arrays.
+
+    If it needs arrays, it calls an `allocating` function. Without numba's run time, Python's arrays become arguments
+    without a count of references, which takes a third of the time.
+    """
     return _compiled(EntryPoint, function, _nrt=False)
-
-
-def allocating_entry_point(function: F) -> F:
-    """Compiles a function that Python calls and that may create arrays, and keeps its machine code on disk."""
-    return _compiled(EntryPoint, function)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine import scene_fields, scene_kernels
-from billiards_env.jit import allocating_entry_point, inlined, kernel
+from billiards_env.jit import allocating, entry_point, inlined, kernel
 from billiards_env.physics.geometry.contact import contact_distance, cross
 from billiards_env.physics.laws.cloth import launch
 from billiards_env.physics.state import X, Y, empty_state, scene_of
@@ -162,13 +162,19 @@ def pot_shots(table: Tables, direct: bool = True) -> PotShots:
     )
 
 
-@allocating_entry_point
+@entry_point
 def write_pots(kernels, scene, tables, flags, pots):
     """Writes the pots of all tables to `pots`; see `find_pots`.
 
     `tables` holds the other fields of `TableArrays`. `flags`: find banks on tables without a direct pot, find all
     banks, write the shots, find direct pots.
     """
+    _write_pots(kernels, scene, tables, flags, pots)
+
+
+@allocating
+def _write_pots(kernels, scene, tables, flags, pots):
+    """Writes the pots, see `write_pots`."""
     scene, pots = scene_of(kernels, scene, 0), Pots(*pots)
     cue, positions, in_play, targets, max_speed, slip_ratio, spin_ratio = tables
     state = empty_state(positions.shape[1], None)

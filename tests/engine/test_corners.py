@@ -10,7 +10,7 @@ from benchmarks.reference.oracle import reference_shot
 from billiards_env import Engine, Scene, derivatives
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.engine.overlaps import FIXES
-from billiards_env.jit import allocating_entry_point
+from billiards_env.jit import allocating, entry_point
 from billiards_env.physics.state import UX, UY, VX, VY, X, Y, empty_state
 from billiards_env.pots.paths import follow_path
 from billiards_env.scene import Balls, Physics, Table
@@ -190,9 +190,14 @@ def test_a_ball_that_spin_presses_into_a_corner_stays_on_its_diagonal(law, outli
     assert shot.positions[0, 0] == pytest.approx(x, abs=1e-6)
 
 
-@allocating_entry_point
+@entry_point
 def end_of_path(scene, start, velocity, gaps):
     """Returns the end of the path that the players compute for a ball that slides without spin, m."""
+    return _end_of_path(scene, start, velocity, gaps)
+
+
+@allocating
+def _end_of_path(scene, start, velocity, gaps):
     state = empty_state(1, None)
     row = state.rows[0]
     row[:] = 0.0

@@ -7,16 +7,21 @@ from typing import Any
 import numpy as np
 
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.jit import allocating_entry_point
+from billiards_env.jit import allocating, entry_point
 from billiards_env.physics.ball_ball import exchange, restitution_at
 from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch
 from billiards_env.physics.state import UX, UY, VX, VY, WIDTH, WZ, State
 from billiards_env.scene import Balls, Physics, Scene
 
 
-@allocating_entry_point
+@entry_point
 def collide(impacts, rebound, rows, scene):
     """Runs `exchange` on balls with these rows; `impacts` are the arrays first, second, nx, ny and closing."""
+    return _collide(impacts, rebound, rows, scene)
+
+
+@allocating
+def _collide(impacts, rebound, rows, scene):
     first, second, nx, ny, closing = impacts
     contacts = empty_contacts(len(first), None)
     contacts.first[:], contacts.second[:] = first, second

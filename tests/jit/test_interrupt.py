@@ -19,11 +19,15 @@ import numpy as np
 import pytest
 
 from benchmarks.reference.stress import measure
-from billiards_env import Engine, derivatives, simulate, simulate_batch
+from billiards_env import Engine, derivatives, simulate, simulate_batch, strike
 from billiards_env.engine.compile import MANY_BALLS
 from billiards_env.engine.runner import LOOK_AFTER
+from billiards_env.engine.shot_input import check_shot
+from billiards_env.jit.interrupt import Stopped
 from billiards_env.physics.laws.tables import CUSHIONS
 from billiards_env.scene import Scene, layouts
+from billiards_env.scene.table import POOL_RADIUS
+from tests.helpers.arrays import counted_arrays
 from tests.helpers.environments import same
 from tests.helpers.looks import looks
 from tests.helpers.shots import lattice
@@ -223,6 +227,52 @@ def test_impacts_of_many_balls_at_one_instant_count_as_work(monkeypatch):
     shots = scene, [layouts.draw("tight_rack", scene, rng) for _ in range(20)], [[8.0, 0.0]] * 20
     assert simulate_batch(*shots, threads=1).n_events.sum() < LOOK_AFTER
     assert looks(monkeypatch, lambda: simulate_batch(*shots, threads=1))[0] > 0
+
+
+@functools.cache
+def recorded() -> Any:
+    """Returns recorded shots with slow impacts on cushions."""
+    velocities = np.random.default_rng(0).normal(0.0, 5.0, (50, 2))
+    return simulate_batch(
+        Scene.named("snooker", 2), [[[-1.0, 0.1], [1.0, 0.2], [1.5, 0.0]]] * 50, velocities, record=True
+    )
+
+
+def check_many() -> None:
+    """Checks the input of shots of many balls."""
+    scene, places, velocities = gas(MANY_BALLS)
+    check_shot(scene, np.tile(places, (4000, 1, 1)), np.tile(velocities, (4000, 1, 1)), None, None, None)
+
+
+def strike_frozen_ball() -> None:
+    """Strikes the cue ball towards a ball that it touches."""
+    simulate("pool", [[0.0, 0.0], [2.0 * POOL_RADIUS, 0.0]], strike("pool", 1.0, 0.0))
+
+
+WITH_ARRAYS: dict[str, Callable[[], Any]] = {
+    "pic": lambda: simulate(*gas(30), max_time=1e9, max_events=100_000),
+    "pit": lambda: simulate(*gas(30), engine=Engine("pit", 1e-6), max_time=0.05),
+    "check_shot": check_many,
+    "strike_frozen": strike_frozen_ball,
+    "push_lanes": lambda: derivatives.jvp(recorded(), {"velocities": np.ones((3, 2)), "g": 1.0}, threads=1),
+    "pull_lanes": lambda: derivatives.vjp(recorded(), {"positions": np.ones((3, 2))}, ("velocities", "g"), threads=1),
+    "push_margins": lambda: derivatives.margins(recorded(), threads=1),
+    "find_nonsmooth": lambda: derivatives.nonsmooth(recorded(), threads=1),
+    "bound_errors": lambda: derivatives.certainty(recorded()),
+}
+"""Calls of the entry points that create arrays."""
+
+
+@pytest.mark.parametrize("name", WITH_ARRAYS)
+def test_calls_free_their_arrays_also_if_they_are_interrupted(monkeypatch, name):
+    recorded()
+    with counted_arrays() as arrays:
+        count, _ = looks(monkeypatch, WITH_ARRAYS[name])
+    assert count > 0
+    assert arrays[0] > arrays[1] == 0
+    with counted_arrays() as arrays, pytest.raises(Stopped):
+        looks(monkeypatch, WITH_ARRAYS[name], stops=True)
+    assert arrays[0] > arrays[1] == 0
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from numba.core.errors import NumbaWarning, TypingError
 from billiards_env.jit import compiler, folders
 from billiards_env.jit import decorators as jit
 from billiards_env.physics import elementary
+from tests.helpers.arrays import counted_arrays
 from tests.helpers.processes import run, start
 
 ROOT = Path(jit.__file__).parents[2]
@@ -49,7 +50,7 @@ def half(x):
 
 
 def calling(inner):
-    return jit.allocating_entry_point(lambda x: inner(x) + 1)
+    return jit.entry_point(lambda x: inner(x) + 1)
 
 
 def test_the_cache_folder_is_selected_in_the_package_or_the_user_s(package, monkeypatch):
@@ -311,22 +312,23 @@ def test_kernels_are_plain_functions_if_numba_is_disabled_with_one_warning(tmp_p
     assert errors.count("RuntimeWarning") == errors.count("NUMBA_CACHE_DIR = ") == 1
 
 
-@pytest.mark.parametrize(
-    ("allocates", "other"), [(jit.allocating, jit.kernel), (jit.allocating_entry_point, jit.entry_point)]
-)
-def test_only_allocating_functions_can_create_arrays(allocates, other):
-    assert allocates(lambda n: np.empty(n).size)(3) == 3
+@pytest.mark.parametrize("other", [jit.kernel, jit.entry_point])
+def test_only_allocating_functions_can_create_arrays(other):
+    assert jit.allocating(lambda n: np.empty(n).size)(3) == 3
     with pytest.raises(TypingError):
         other(lambda n: np.empty(n).size)(3)
 
 
 @pytest.mark.parametrize("decorate", [jit.kernel, jit.entry_point])
-def test_a_function_that_cannot_create_arrays_cannot_call_an_allocating_one(decorate):
-    """Without the check, numba compiles the call if `make` is compiled already, and the arrays are never freed."""
-    make: Any = jit.allocating(lambda n: np.empty(n))
-    assert jit.allocating_entry_point(lambda n: make(n).size)(3) == 3
+def test_other_functions_can_call_an_allocating_one_that_returns_no_arrays(decorate):
+    """Numba would compile the other call too, and nothing would free the arrays."""
+    make: Any = jit.allocating(lambda n: (n, np.empty(n)))
+    count: Any = jit.allocating(lambda n: make(n)[1].size)
+    with counted_arrays() as arrays:
+        assert calling(decorate(lambda n: count(n)))(3) == 4
+    assert arrays == [1, 0]
     with pytest.raises(TypingError, match="expected a caller that may create arrays"):
-        calling(decorate(lambda n: make(n).size))(3)
+        calling(decorate(lambda n: make(n)[1].size))(3)
 
 
 def test_an_entry_point_keeps_the_reference_counts_of_its_arrays():

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from benchmarks.reference.oracle import laws
 from benchmarks.reference.oracle.laws import World
-from billiards_env.jit import allocating_entry_point
+from billiards_env.jit import allocating, entry_point
 from billiards_env.physics.clusters.complementarity import MOST
 from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch, solve_plastic
 from billiards_env.physics.state import VX, VY, WIDTH
@@ -24,9 +24,20 @@ FRICTION = st.sampled_from([None, 0.06, 0.5, 5.0])
 kinds = pytest.mark.parametrize("kind", KINDS)
 
 
-@allocating_entry_point
 def plastic(first, second, nx, ny, increase, inv_mass):
     """Returns the plastic impulses (count,) and changes of velocity (n, 2)."""
+    impulse, change = np.empty(len(first)), np.empty((len(inv_mass), 2))
+    write_plastic(first, second, nx, ny, increase, inv_mass, impulse, change)
+    return impulse, change
+
+
+@entry_point
+def write_plastic(first, second, nx, ny, increase, inv_mass, impulse, change):
+    _write_plastic(first, second, nx, ny, increase, inv_mass, impulse, change)
+
+
+@allocating
+def _write_plastic(first, second, nx, ny, increase, inv_mass, impulse, change):
     count, n = len(first), len(inv_mass)
     contacts, scratch = empty_contacts(count, None), empty_scratch(n, count, None, None)
     contacts.first[:], contacts.second[:] = first, second
@@ -35,7 +46,8 @@ def plastic(first, second, nx, ny, increase, inv_mass):
     scratch.increase[:, 0], scratch.increase[:, 1] = increase, 0.0
     scratch.change[:] = 0.0
     solve_plastic(count, contacts, inv_mass, scratch)
-    return scratch.impulse[:, 0] + scratch.impulse[:, 1], scratch.change[:, :, 0] + scratch.change[:, :, 1]
+    impulse[:] = scratch.impulse[:, 0] + scratch.impulse[:, 1]
+    change[:] = scratch.change[:, :, 0] + scratch.change[:, :, 1]
 
 
 def check_plastic(contacts, inverse, within):

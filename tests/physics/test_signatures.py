@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2] / "billiards_env"
-DECORATORS = {"kernel", "inlined", "entry_point", "allocating", "allocating_entry_point"}
+DECORATORS = {"kernel", "inlined", "entry_point", "allocating"}
 FILES = sorted(path for package in ("derivatives", "engine", "physics") for path in (ROOT / package).rglob("*.py"))
 MOST = 8  # arguments
 

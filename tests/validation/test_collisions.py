@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.validation import collisions as c
 from billiards_env.engine import frozen_strike
-from billiards_env.jit.decorators import allocating_entry_point
+from billiards_env.jit import allocating, entry_point
 from billiards_env.scene import Physics
 
 
@@ -29,9 +29,11 @@ def test_frozen_balls_leave_within_four_degrees_of_the_measured_directions(monke
     assert (abs(off) < 3.0).sum() == 8
     assert off[0] == 0.0
     assert frozen.ratio == pytest.approx(0.987, abs=5e-4)
-    drive: Any = getattr(frozen_strike._drive, "py_func", frozen_strike._drive)
-    names = {**drive.__globals__, "LEFT": 0.0}  # the constant that the ratio determines
-    monkeypatch.setattr(frozen_strike, "_drive", allocating_entry_point(FunctionType(drive.__code__, names)))
+    names = {**vars(frozen_strike), "LEFT": 0.0}  # the constant that the ratio determines
+    for name, decorate in (("_drive_balls", allocating), ("_drive", entry_point)):
+        kernel: Any = getattr(frozen_strike, name)
+        names[name] = decorate(FunctionType(getattr(kernel, "py_func", kernel).__code__, names))
+    monkeypatch.setattr(frozen_strike, "_drive", names["_drive"])
     other = c.frozen(c.SPEEDS["slow"])
     assert other.ratio == pytest.approx(1.0)
     assert np.abs(np.subtract(other.directions, frozen.directions)).max() < 0.5

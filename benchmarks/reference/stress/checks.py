@@ -30,7 +30,7 @@ from billiards_env.engine.log import (
 from billiards_env.engine.pic import ALL_PAIRS, PicKernels, run_shots
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import Shots, empty_shots, start_fields
-from billiards_env.jit import allocating, allocating_entry_point, inlined, kernel
+from billiards_env.jit import allocating, entry_point, inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.pockets import distance_from, pocket_at
@@ -220,10 +220,10 @@ def _check_positions(now, state, scene, places, findings):
 
 
 @allocating
-def _check(log, scene, mass, acts, findings):
+def _check(log, scene, acts, findings):
     """Checks the log of one shot."""
     events, n_events, segments = log.events, log.used[N_EVENTS_LOGGED], log.segments
-    n, radius = len(scene.radius), scene.radius
+    n, radius, mass = len(scene.radius), scene.radius, 1.0 / scene.inv_mass
     state = empty_state(n, scene.flight)
     rows, phases = state.rows, state.phase
     momenta, places = np.empty((n, 3)), np.empty((n, 3))
@@ -297,16 +297,16 @@ def _check(log, scene, mass, acts, findings):
         findings[BROKEN] = 1.0
 
 
-@allocating_entry_point
+@entry_point
 def _run_checked(kernels, scene, limit, max_events, shots, log, findings):
     arrays, record = scene_of(kernels.scene, scene, 0), Log(*log)
-    mass, used = 1.0 / arrays.inv_mass, record.used
+    used = record.used
     for k in range(len(findings)):
         run_shots(kernels, k, k + 1, scene, limit, max_events, shots, log)
         if used[N_EVENTS_LOGGED] > len(record.events) or used[N_SEGMENTS_LOGGED] > len(record.segments):
             findings[k, FULL] = 1.0
         else:
-            _check(record, arrays, mass, Shots(*shots).n_contact_rule[k], findings[k])
+            _check(record, arrays, Shots(*shots).n_contact_rule[k], findings[k])
 
 
 class Checked(NamedTuple):

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from benchmarks.reference.stress.checks import beyond_outline
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.jit import allocating_entry_point
+from billiards_env.jit import entry_point, streams
+from billiards_env.jit.streams import next_double
 from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.pockets import distance_from
 from billiards_env.physics.geometry.walls import TIP_RADIUS, TIP_X, TIP_Y
@@ -25,8 +26,8 @@ _TRIES = 1000
 _FROZEN = 5e-13  # m; the largest overlap of frozen balls, which is due to rounding
 
 
-@allocating_entry_point
-def _scatter(rng, order, frozen, scene, outline, out):
+@entry_point
+def _scatter(stream, order, frozen, scene, outline, out):
     """Fills `out` (m, n, 2) with m layouts: one ball after another in `order`, in contact with probability `frozen`.
 
     With an outline, balls may be in the mouths of the pockets and in contact with tips.
@@ -41,17 +42,17 @@ def _scatter(rng, order, frozen, scene, outline, out):
             for attempt in range(_TRIES + 1):
                 if attempt == _TRIES:
                     return shot
-                x, y = room_x * (2.0 * rng.random() - 1.0), room_y * (2.0 * rng.random() - 1.0)
+                x, y = room_x * (2.0 * next_double(stream) - 1.0), room_y * (2.0 * next_double(stream) - 1.0)
                 if outline is not None:
-                    place = outline.ends[int(rng.random() * len(outline.ends))]
-                    if rng.random() < 0.5:  # near an end of a straight cushion
-                        x = place[X] + 3.0 * radius[i] * (2.0 * rng.random() - 1.0)
-                        y = place[Y] + 3.0 * radius[i] * (2.0 * rng.random() - 1.0)
-                if rng.random() < frozen:
-                    kind = rng.random()
+                    place = outline.ends[int(next_double(stream) * len(outline.ends))]
+                    if next_double(stream) < 0.5:  # near an end of a straight cushion
+                        x = place[X] + 3.0 * radius[i] * (2.0 * next_double(stream) - 1.0)
+                        y = place[Y] + 3.0 * radius[i] * (2.0 * next_double(stream) - 1.0)
+                if next_double(stream) < frozen:
+                    kind = next_double(stream)
                     if kind < 0.6 and placed > 0:
-                        j = order[int(rng.random() * placed)]
-                        angle = 2.0 * math.pi * rng.random()
+                        j = order[int(next_double(stream) * placed)]
+                        angle = 2.0 * math.pi * next_double(stream)
                         ex, ey = math.cos(angle), math.sin(angle)
                         if kind < 0.2:
                             ex, ey = (1.0, 0.0) if kind < 0.1 else (0.0, -1.0)
@@ -62,8 +63,8 @@ def _scatter(rng, order, frozen, scene, outline, out):
                     if kind > 0.75:
                         y = math.copysign(room_y, y)
                     if outline is not None and kind > 0.9 and len(outline.tips) > 0:
-                        tip = outline.tips[int(rng.random() * len(outline.tips))]
-                        angle, reach = 2.0 * math.pi * rng.random(), radius[i] + tip[TIP_RADIUS]
+                        tip = outline.tips[int(next_double(stream) * len(outline.tips))]
+                        angle, reach = 2.0 * math.pi * next_double(stream), radius[i] + tip[TIP_RADIUS]
                         x, y = tip[TIP_X] + reach * math.cos(angle), tip[TIP_Y] + reach * math.sin(angle)
                 if outline is None:
                     good = abs(x) <= room_x + _FROZEN and abs(y) <= room_y + _FROZEN
@@ -89,8 +90,9 @@ def layouts(scene: Scene, rng: np.random.Generator, m: int, frozen: float = 0.0)
     """
     order = np.argsort(-np.array(scene.balls.radius), kind="stable")
     out = np.zeros((m, scene.n_balls, 2))
-    arrays = scene_arrays(scene)
-    drawn = _scatter(rng, order, frozen, arrays, arrays.outline if scene.table.outline else None, out)
+    arrays, stream = scene_arrays(scene), streams.read(rng)
+    drawn = _scatter(stream, order, frozen, arrays, arrays.outline if scene.table.outline else None, out)
+    streams.write(rng, stream)
     return out if drawn == m else None
 
 
