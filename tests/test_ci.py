@@ -14,6 +14,7 @@ TESTED = {
     "benchmarks.calibration",
     "benchmarks.gradients",
     "benchmarks.real_tracks",
+    "benchmarks.referees",
     "studies.figures",
     "studies.frozen_tasks",
     "studies.leaderboard",
