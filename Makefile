@@ -50,7 +50,7 @@ pythons:  ## test the core (shots, batches, the environment, commands) on each i
 	        && ran="$$ran\n$$v passed" || { ran="$$ran\n$$v failed"; failed=1; }; \
 	done; printf "$(CORE) on$$ran\n"; [ -z "$$failed" ]
 
-tools: $(TOOLS)  ## test TorchRL, Minari, Optuna, JAX and pymunk with this package; they are installed in .venv-tools
+tools: $(TOOLS)  ## test TorchRL, Minari, Optuna, JAX, ONNX and pymunk with this package; they are installed in .venv-tools
 	.venv-tools/bin/pytest -q -m tools tests/tools tests/examples tests/benchmarks/test_comparison.py
 
 page: $(WEB)  ## build the engines for browsers, and the page that 'billiards web' opens
@@ -179,7 +179,7 @@ $(RLLIB): pyproject.toml constraints.txt constraints-rllib.txt
 
 $(TOOLS): pyproject.toml constraints.txt benchmarks/simulators.txt
 	$(PYTHON) -m venv --clear .venv-tools
-	.venv-tools/bin/pip install --quiet -c constraints.txt -e '.[train,render,multi,dev,tools,jax]'
+	.venv-tools/bin/pip install --quiet -c constraints.txt -e '.[train,render,multi,dev,tools,jax,onnx]'
 	.venv-tools/bin/pip install --quiet --no-deps $$(grep -E '^(cffi|pycparser|pymunk)' benchmarks/simulators.txt)
 	touch $@
 

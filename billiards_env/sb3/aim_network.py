@@ -283,7 +283,7 @@ class AimNetwork(nn.Module):
 
     def layouts(self, positions: Tensor, legal: Tensor | None = None, **others: Tensor) -> tuple[Layouts, Tensor]:
         """Returns the layouts for `mixtures`, and the values (m,). The arguments are those of `forward`."""
-        m, n = len(positions), positions.shape[1] - 1
+        m, n = positions.shape[0], positions.shape[1] - 1
         places = torch.cat((positions, others["goal"]), 1) if self.goal and not self.goal_units else positions
         flags = others["legal_balls"] if self.legal else positions.new_empty(m, 0)
         if legal is None and self.legal:
@@ -328,7 +328,7 @@ class AimNetwork(nn.Module):
         If a layout has fewer of them than another, balls that are not allowed follow.
         """
         m, n = allowed.shape
-        if not self.legal:
+        if not self.legal or torch.compiler.is_exporting():  # the shapes in an ONNX file do not depend on the layout
             return torch.arange(n, device=allowed.device).expand(m, n)
         most = max(int(allowed.sum(1).max()), 1)
         return allowed.int().sort(dim=1, descending=True, stable=True).indices[:, :most]
@@ -363,7 +363,7 @@ class AimNetwork(nn.Module):
             side, top, elevation = tip  # a reflection at one axis changes the sign of the side
             tip = [_MOST * side.tanh() * signs.prod(2, keepdim=True), _MOST * top.tanh(), _LEVEL + elevation]
         logit, dx, dy, speed, across, *tip = (part.flatten(1) for part in (logit, dx, dy, speed, across, *tip))
-        strike = torch.stack(tip, 1) if tip else logit.new_empty(len(logit), 0, 1)
+        strike = torch.stack(tip, 1) if tip else logit.new_empty(logit.shape[0], 0, 1)
         return Mixture(logit.log_softmax(1), dx, dy, speed, across, self.std[0], strike, self.std[2], self.turn)
 
     def _waves(self, places: Tensor) -> Tensor:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 from collections.abc import Callable, Mapping, Sequence
+from os import PathLike
 from typing import Any, cast
 
 import gymnasium as gym
@@ -267,6 +268,24 @@ class AimPolicy(ActorCriticPolicy):
     def predict_values(self, obs: PyTorchObs) -> Tensor:
         """Returns the values (m, 1)."""
         return self.mixtures_and_values(obs)[1][:, None]
+
+    def to_onnx(self, path: str | PathLike[str]) -> None:
+        """Writes the networks as an ONNX file, which runs without PyTorch. Needs the extra `onnx`.
+
+        The input `observation` is (m, size) float32, for any m. The outputs are `action`, the likeliest action (m, a),
+        `value` (m,), and the attributes of `Mixture` by name: the standard deviations for each Gaussian, `turn` (m,).
+
+        Args:
+            path: A name that ends in ".onnx".
+
+        Raises:
+            ModuleNotFoundError: If the extra is not installed.
+            OSError: If the file cannot be written.
+            ValueError: If the path has another suffix.
+        """
+        from billiards_env.sb3.onnx_file import to_onnx
+
+        to_onnx(self, path)
 
     def returns(self, outcomes: Outcomes) -> NDArray[np.float64]:
         """Computes the returns (m,) of tried shots: the rewards plus, in unfinished episodes, the values afterwards."""

@@ -30,6 +30,7 @@ _EXTRAS = {
     **dict.fromkeys((".png", ".svg", ".pdf"), ("plot", "matplotlib")),
     ".gif": ("render", "pygame", "PIL"),
     ".mp4": ("render", "pygame", "imageio_ffmpeg"),
+    ".onnx": ("onnx", "onnx", "onnxscript"),
 }
 """The extra that writes a file and its modules, by suffix."""
 

@@ -53,6 +53,7 @@ from billiards_env.engine.shots import STATUS, empty_shots, start_fields
 from billiards_env.jit.code_hash import code_hash
 from billiards_env.jit.compiler import Kernel, _resolve_once
 from billiards_env.physics.strike import cue_numbers, many_strikes
+from billiards_env.sb3 import load_policy
 from billiards_env.scene import PARAMETERS, Scene, layouts
 from billiards_env.support.checks import RANGES, range_text
 from billiards_env.support.files import write_atomically
@@ -71,8 +72,12 @@ SCENES = "pool", "carom", "ideal", "blocked_pool", "sum_to_three", "real_pool", 
 BALLS = 15
 """Largest number of object balls."""
 
+OPPONENT = "five_balls"
+"""The published policy that plays in the page."""
+
 GAMES = {
     "nine": ("Nine ball", ("pool", "real_pool"), "nine_ball", 9),
+    "duel": ("Against the computer", ("pool",), "random", 5),
     "free": ("Free table", ("pool", "real_pool"), "random", 3),
     "carom": ("Carom", ("carom", "real_carom"), "carom_opening", 2),
 }
@@ -274,12 +279,33 @@ def module() -> str:
     return "\n".join((HERE / name).read_text(encoding="utf-8") for name in ("engine.js", "checks.js"))
 
 
+def opponent() -> dict[str, Any]:
+    """Returns the policy `OPPONENT` as JSON for `policy.js`: the shapes of its weights, and their numbers as base64."""
+    arguments, policy = load_policy(ROOT / "studies" / "results" / "policies" / OPPONENT)
+    network: Any = policy.net
+    weights = {name: one for name, one in network.state_dict().items() if not name.startswith("critic")}
+    return {
+        "shapes": {name: list(one.shape) for name, one in weights.items()},
+        "numbers": packed(b"".join(one.numpy().tobytes() for one in weights.values())),
+        "halfExtents": Scene.named("pool").half_extents,
+        "maxSpeed": arguments["max_speed"],
+    }
+
+
+def packed(content: bytes) -> str:
+    """Returns bytes deflated, as base64."""
+    return base64.b64encode(zlib.compress(content, 9)).decode()
+
+
 def play_page(engine: bytes) -> str:
     """Returns `play.html`, which contains the engines, the module and the drawings of the tables."""
     carom_scenes = {name: Scene.named(name) for name in SCENES if not Scene.named(name).table.pockets}  # balls of carom
     shown = scenes() | carom_scenes
     drawn = {
-        "tables": {name: page.table_data(scene) | {"length": scene.table.length} for name, scene in shown.items()},
+        "tables": {
+            name: page.table_data(scene) | {"length": scene.table.length, "width": scene.table.width}
+            for name, scene in shown.items()
+        },
         "games": {
             name: {"title": title, "scenes": names, "positions": {one: rack_of(layout, balls, one) for one in names}}
             for name, (title, names, layout, balls) in GAMES.items()
@@ -288,13 +314,15 @@ def play_page(engine: bytes) -> str:
             name: {"title": case.title, "positions": case.positions, "velocities": case.velocities, "dt": case.dt}
             for name, case in FAILURES.items()
         },
+        "opponent": opponent(),
     }
     text = (HERE / "play.html").read_text(encoding="utf-8")
     for name, content in (
         ("drawing", page.page_file("table.js")),
         ("module", module().replace("export ", "")),
+        ("policy", (HERE / "policy.js").read_text(encoding="utf-8").replace("export ", "")),
         ("data", json.dumps(drawn, separators=(",", ":")).replace("<", "\\u003c")),
-        ("engine", base64.b64encode(zlib.compress(engine, 9)).decode()),
+        ("engine", packed(engine)),
     ):
         text = text.replace(f"{{{{{name}}}}}", content)
     return text

@@ -147,6 +147,22 @@ def test_the_page_plays_a_shot_and_its_address_holds_it(engine, tab, tmp_path):
     assert all(url.startswith("file:") for url in requests)
 
 
+def test_the_page_plays_against_the_policy(engine, tab, tmp_path):
+    (tmp_path / "play.html").write_text(build.play_page(engine), encoding="utf-8")
+    page = tab.context.browser.new_page()
+    page.goto((tmp_path / "play.html").as_uri())
+    page.wait_for_function("() => window.billiards !== undefined")
+    page.select_option("#game", "duel")
+    page.select_option("#rate", "4")
+    page.click("#shoot")
+    page.wait_for_function("() => billiards.start.turn === 1 && billiards.start.velocities", timeout=60_000)
+    page.wait_for_function("() => Math.max(...billiards.start.won) > 0", timeout=120_000)
+    given = page.context.browser.new_page()
+    given.goto(page.url)  # the address of a shot of the computer holds its motion
+    given.wait_for_function("() => window.billiards?.shots")
+    assert given.input_value("#game") in ("given", "duel")
+
+
 def test_another_version_of_numba_is_refused(monkeypatch):
     monkeypatch.setattr(numba, "__version__", "0.99.0")
     with pytest.raises(RuntimeError, match=r"numba = 0\.99\.0: expected numba 0\.68"):
