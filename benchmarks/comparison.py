@@ -210,10 +210,11 @@ def _why(result: dict[str, Any]) -> dict[str, str]:
         ("lacks", *(LACKS[name] for name in cells)),
     ]
     text = (
-        "One core, one object ball; one call for each shot, or for all shots of a batch. The error is the median "
-        "distance from a 50-digit reference at the end of the shot. pooltool has no timestep either, and plays the "
-        "same laws. pymunk, a general engine with a timestep, plays elastic disks for 10 s. billiards-env plays "
-        f"{rounded(1e6 / ours['us'])} of these shots a second, with an error of {_error(ours)}."
+        "One core, one object ball; one call for each shot, or for all shots of a batch. The error is the distance of "
+        "the final positions from a 50-digit reference, the median of the shots. billiards-env and pooltool play shots "
+        "with friction and spin, both without a timestep. pymunk, a general engine with a timestep, plays other shots: "
+        f"elastic disks, for 10 s. billiards-env plays {rounded(1e6 / ours['us'])} of these a second, with an error of "
+        f"{_error(ours)}."
     )
     return {"why": f"{table(('', *heads), rows)}\n\n{text}"}
 

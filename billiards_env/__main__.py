@@ -209,6 +209,8 @@ def _add_calibrate(parser: argparse.ArgumentParser) -> None:
     )
     add = parser.add_argument
     add("tracks", type=Path, help="the file")
+    text = "first write simulated tracks to the file, of a table whose constants are 5%% smaller; then fit them"
+    add("--example", action="store_true", help=text)
     add(
         "--scene",
         default="pool",
@@ -217,6 +219,9 @@ def _add_calibrate(parser: argparse.ArgumentParser) -> None:
     add("--balls", type=int, metavar="N", help="number of object balls (default: those in the file)")
     add("--free", nargs="+", metavar="CONSTANT", help="the constants (default: friction and restitution)")
     add("--unit", default="m", help="unit of x and y: m, cm, mm, in or px (default: %(default)s)")
+    add("--fps", type=number, help="frames per second, if the column frame has numbers of frames in place of times")
+    text = "other headings in a CSV file, such as ball=object,x=pos_x"
+    add("--columns", default="", metavar="NAME=HEADING,...", help=text)
     add("--frame", choices=["fit"], help="fit the frame of the file to rebounds, in any unit")
     add("--noise", type=number, help="standard deviation of a coordinate, m (default: an estimate)")
     add("--contacts", type=int, default=4, help="fit rows until this contact of the cue ball (default: %(default)s)")
@@ -460,12 +465,18 @@ def _verify(path: Path, noise_seed: int) -> None:
 def calibrate(args: argparse.Namespace) -> None:
     """Runs the command `calibrate`."""
     from billiards_env.calibration import calibrate, read_tracks
+    from billiards_env.calibration.example import write_example
     from billiards_env.calibration.report import check_out
     from billiards_env.shots.records import read_scene
 
     for path in args.out:
         check_out(path)
-    tracks = read_tracks(args.tracks, args.unit)
+    pairs = [pair.split("=") for pair in args.columns.split(",") if pair]
+    if not all(len(pair) == 2 for pair in pairs):
+        raise ValueError(f"--columns = {args.columns!r}: expected NAME=HEADING, separated by commas")
+    if args.example:
+        print(write_example(args.tracks, read_scene(args.scene, args.balls)), file=sys.stderr)
+    tracks = read_tracks(args.tracks, args.unit, args.fps, dict(pairs))
     most = max((int(track.balls.max()) for track in tracks), default=0)
     scene = read_scene(args.scene, most if args.balls is None and not args.scene.endswith(".json") else args.balls)
     result = calibrate(

@@ -15,7 +15,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-import billiards_env  # noqa: F401  # registers the ids
+from billiards_env.envs.reset import noise_stream
 
 WIDTH, DEPTH = 24, 3  # shots that a node tries, and the most shots of a simulation
 
@@ -48,7 +48,7 @@ def search(env: Any, simulations: int, rng: np.random.Generator) -> Any:
     state, root = env.get_state(), Node(env, rng)
     for _ in range(simulations):
         branch = state.copy()
-        branch["noise_stream"] = rng.integers(0, 2**64, 4, np.uint64) | np.uint64(1)  # the future is not known
+        branch["noise_stream"] = noise_stream(int(rng.integers(2**63)), None)  # the future is not known
         env.set_state(branch)
         root.simulate(env, rng)
     env.set_state(state)

@@ -12,9 +12,12 @@ import numpy as np
 from benchmarks import metres, table
 from billiards_env import Engine, Scene, simulate_batch, strike
 from billiards_env.engine.overlaps import TREATMENTS
+from billiards_env.engine.shots import Shots
 from billiards_env.envs.actions import ACTIONS
+from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.observations import FEATURES
 from billiards_env.games import GAMES
+from billiards_env.games.game_state import Called, RulesState, Verdict
 from billiards_env.games.referee import FAMILIES
 from billiards_env.scene import NAMED, PARAMETERS, SCENES, Physics
 from billiards_env.support.checks import RANGES
@@ -23,7 +26,7 @@ from billiards_env.support.checks import RANGES
 def blocks(_: Mapping[str, Any]) -> dict[str, str]:
     """Returns the tables by name. They need no measurement."""
     rules = "\n\n".join(f"::: {family.__name__}" for family in FAMILIES)
-    made = (games, scenes, physics, fixes, actions, features, bounces)
+    made = (games, judged, scenes, physics, fixes, actions, features, bounces)
     return {"rules": rules, **{function.__name__: function() for function in made}}
 
 
@@ -39,14 +42,36 @@ def games() -> str:
 
 def physics() -> str:
     """Returns the table of the numbers of `Physics`, whose docstring has their meanings."""
-    described = re.split(r"\n    (\w+): ", (inspect.getdoc(Physics) or "").partition("Attributes:")[2])
-    meanings = {name: " ".join(text.split()) for name, text in zip(described[1::2], described[2::2], strict=True)}
-    rows, defaults = [], Physics()
+    rows, defaults, meanings = [], Physics(), meanings_of(Physics)
     for name, parameter in PARAMETERS.items():
         within = RANGES[parameter.within]
         values = f"`{getattr(defaults, name)}`", f"{within.least:g} to {within.most:g} {within.unit}".strip()
         rows.append((f"`physics.{name}`", *values, meanings[name], parameter.source))
     return table(("Field", "Default", "Range", "Meaning", "Source"), rows, left=5)
+
+
+def meanings_of(kind: type) -> dict[str, str]:
+    """Returns the meanings of the attributes of a class, from its docstring."""
+    described = re.split(r"\n    (\w+): ", (inspect.getdoc(kind) or "").partition("Attributes:")[2])
+    return {name: " ".join(text.split()) for name, text in zip(described[1::2], described[2::2], strict=True)}
+
+
+def judged() -> str:
+    """Returns the table of what the kernels of tasks and games read and return."""
+    facts = {fact.__name__: inspect.getdoc(fact) or "" for game in GAMES.values() for fact in game.facts}
+    of_shots, rows = meanings_of(Shots), []
+    for argument, meanings in (
+        ("facts", facts),
+        ("state", meanings_of(RulesState)),
+        ("call", meanings_of(Called)),
+        ("verdict", meanings_of(Verdict)),
+        ("numbers", meanings_of(TaskNumbers)),
+        ("arrays", meanings_of(EpisodeArrays)),
+    ):
+        for name, text in meanings.items():
+            shown = of_shots[name].replace(" out:", ":") if text.startswith("As in") else text
+            rows.append((f"`{argument}.{name}`", " ".join(shown.split())))
+    return table(("Field", "Meaning"), rows, left=2)
 
 
 def scenes() -> str:

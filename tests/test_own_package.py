@@ -272,6 +272,9 @@ def test_a_module_may_be_loaded_again_and_long_names_are_kept():
     before = TASKS["cushion_first"].judge
     importlib.reload(module)
     assert TASKS["cushion_first"].judge is module.judge_cushion_first is not before
+    register_task("cushion_first", TASKS["cushion_first"]._replace(max_shots=2))  # a changed cell of a notebook
+    assert TASKS["cushion_first"].max_shots == 2
+    importlib.reload(module)
     name = "cushion_first_with_a_name_of_many_letters"
     register_task(name, TASKS["cushion_first"])
     env, envs = make_env(task=name), make_vector_env(2, task=f"my_billiards:{name}")

@@ -417,21 +417,24 @@ def score(results: Sequence[Result]) -> dict[str, Any]:
 
 
 def score_table(bench: Bench) -> str:
-    """Returns a table with the scores of each task and seed, and the interquartile mean of the normalised scores."""
+    """Returns a table with the scores of each task and seed, and the interquartile mean over the tasks.
+
+    As on the leaderboard, the episodes of all seeds of a task count together.
+    """
     width = max(len(result.task) for result in bench.results)
     lines = [f"{'task':{width}}  seed  success  95% interval  return  95% interval    normalised"]
-    normalised = []
     for result in bench.results:
         scores = score((result,))
         low, high = scores["success_interval"]
         least, most = scores["return_interval"]
         scaled = scores["normalised"]
-        normalised += [] if scaled is None else [scaled]
         lines.append(
             f"{result.task:{width}}  {result.seed:4}  {scores['success']:7.1%}  "
             f"{f'{100 * low:.1f} to {100 * high:.1f}':>12}  {scores['mean_return']:6.3f}  "
             f"{f'{least:.3f} to {most:.3f}':>14}  {'-' if scaled is None else f'{scaled:.3f}':>10}"
         )
-    if normalised:
-        lines.append(f"interquartile mean of the normalised scores: {interquartile_mean(np.array(normalised)):.3f}")
+    tasks = dict.fromkeys(result.task for result in bench.results)
+    pooled = [score([result for result in bench.results if result.task == task])["normalised"] for task in tasks]
+    if known := [one for one in pooled if one is not None]:
+        lines.append(f"interquartile mean of the normalised scores: {interquartile_mean(known):.3f}")
     return "\n".join(lines)

@@ -10,6 +10,7 @@ Modules:
     preparation, starts: Tracks that are ready for the fit, and the fit of their starts.
     scatter: The scatter of the cushions.
     fit, stages: The fit of the shared constants with their intervals, and its stages.
+    example: Tracks of simulated shots.
     judge: The errors of the result, and the rows that do not fit.
 """
 

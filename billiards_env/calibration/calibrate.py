@@ -48,7 +48,7 @@ def calibrate(
     hold_back: bool = True,
     velocities: ArrayLike | None = None,
     spins: ArrayLike | None = None,
-    progress: Callable[[str], None] | None = None,
+    progress: Callable[[str], object] = lambda text: None,
 ) -> Calibration:
     """Fits constants of the physics of a scene to tracks of shots.
 
@@ -68,7 +68,7 @@ def calibrate(
         hold_back: Whether every fifth of ten or more shots is held back at first.
         velocities: (m, 2) m/s, the cue balls' velocities at the first rows, if they are known.
         spins: (m, 3) rad/s, their spins, if they are known.
-        progress: A function that is called with a line of text after each stage.
+        progress: A function that is called with a line of text before each fit and after each stage.
 
     Returns:
         The constants with their covariance, the fitted shots, their errors and the problems of the tracks.
@@ -78,7 +78,7 @@ def calibrate(
             determine any constant; if no ball of a track moves first, see `tracks.first_balls`.
     """
     check_scene(scene)
-    names = _free_names(scene, free)
+    names = free_names(scene, free)
     contacts, hold_back = integer("contacts", contacts, _CONTACTS), flag("hold_back", hold_back)
     tracks, warnings = clean(check_tracks(scene, shots))
     scene, file_frame = _framed(scene, tracks, frame, contacts)
@@ -92,10 +92,12 @@ def calibrate(
     fit, predicted = Fit(scene, names, scene, prepared, {}, np.zeros((0, 0))), None
     if hold_back and len(prepared) >= _FEWEST:
         fit = fit._replace(shots=[shot for k, shot in enumerate(prepared) if k % _EACH < _EACH - 1])
+        progress(f"first fit: {len(fit.shots)} of {len(prepared)} shots, to predict the others")
         fit = fit_stages(fit, contacts, progress)
         if fit.share >= ENOUGH:
             predicted = judge(determined(fit, contacts).scene, prepared[_EACH - 1 :: _EACH])
             fit = fit._replace(shots=prepared, stages=())
+            progress("second fit: all shots")
     if fit.share >= ENOUGH:  # also if no shots are held back
         fit = fit_stages(fit, contacts, progress)
     if fit.share < ENOUGH:
@@ -123,7 +125,7 @@ def calibrate(
     )
 
 
-def _free_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
+def free_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
     """Returns the names of the constants to fit."""
     physics = scene.physics
     if free is None:

@@ -11,7 +11,7 @@ from billiards_env.calibration.cleaning import noise_of
 from billiards_env.calibration.contacts import CUSHION, Contact, find_contacts
 from billiards_env.calibration.preparation import PreparedTrack
 from billiards_env.calibration.tracks import Floats, Ints, Track, first_balls, with_rest
-from billiards_env.scene import Scene
+from billiards_env.scene import SCENES, Scene
 
 _LEAST = 5  # rebounds at a cushion
 _NEAR = 1.5e-3  # m, the error of a place of a rebound
@@ -20,7 +20,6 @@ _BEYOND, _SHORT = 0.01, 0.006  # m, a row beyond the cushions, and a line of reb
 _FASTEST = 20.0  # m/s
 _ROLL = 0.1  # the least of mu_roll over its start, for the longest way of a ball
 _CUSHIONS = ("+x", "-x", "+y", "-y")
-_EXPECTED = "expected metres from the centre of the table with x along its length, or frame='fit'"
 
 
 class Frame(NamedTuple):
@@ -135,7 +134,9 @@ def check_frame(scene: Scene, shots: Sequence[PreparedTrack], noise: float) -> N
         beyond = (np.abs(p) - most).max(axis=1)
         count = np.count_nonzero(beyond > _BEYOND + 4.0 * noise)
         if count > 2:
-            raise ValueError(f"{where} {count} rows up to {beyond.max():.2g} m beyond the cushion: {_EXPECTED}")
+            raise ValueError(
+                f"{where} {count} rows up to {beyond.max():.2g} m beyond the cushion: {_expected(scene, shots, most)}"
+            )
         if len(t) < 4:
             continue
         steps, way = np.hypot(*np.diff(p, axis=0).T), float(np.hypot(*(p[-1] - p[0])))
@@ -151,4 +152,18 @@ def check_frame(scene: Scene, shots: Sequence[PreparedTrack], noise: float) -> N
     for name, off, largest in zip(_CUSHIONS, lines - np.repeat(reach, 2), error, strict=True):
         if abs(off) > largest:
             where = f"{abs(off):.3f} m {'short of' if off < 0.0 else 'beyond'} the cushion at {name}"
-            raise ValueError(f"balls turn {where}: {_EXPECTED}")
+            raise ValueError(f"balls turn {where}: {_expected(scene, shots, most)}")
+
+
+def _expected(scene: Scene, shots: Sequence[PreparedTrack], most: Floats) -> str:
+    """Returns what a scene expects of tracks, and whether they fit with exchanged axes.
+
+    `most` are the largest abs(x) and abs(y) on the table, (2,) m.
+    """
+    places, limit = np.abs(np.concatenate([shot.track.positions for shot in shots])), most + _BEYOND
+    plain, exchanged = ((order <= limit).all(axis=1).mean() for order in (places, places[:, ::-1]))
+    table, named = scene.table, ((name, Scene.named(name)) for name in SCENES)
+    name = next((f" of {name}" for name, one in named if (one.table, one.physics) == (table, scene.physics)), "")
+    question = " (are x and y exchanged?)" if exchanged > max(plain, 0.99) else ""
+    sizes = f"{table.length:.4g} x {table.width:.4g} m, with x along its length"
+    return f"expected metres from the centre of the table{name}, {sizes}{question}, or frame='fit'"

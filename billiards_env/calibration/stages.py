@@ -44,7 +44,7 @@ def leaves_at(shot: PreparedTrack, far: Bools) -> tuple[float, int]:
     return min(leaves)
 
 
-def fit_stages(fit: Fit, contacts: int, progress: Callable[[str], None] | None) -> Fit:
+def fit_stages(fit: Fit, contacts: int, progress: Callable[[str], object]) -> Fit:
     """Fits the rows until the first contact of the cue ball, then until the second, and so on.
 
     The first stage fits only the starts, the others also the constants. The fit ends with the second contact if
@@ -60,9 +60,8 @@ def fit_stages(fit: Fit, contacts: int, progress: Callable[[str], None] | None) 
         near = np.concatenate([shot.used[shot.moving & shot.before(contact)] for shot in near_rows(fit, contact).shots])
         share = float(near.mean()) if near.size else 0.0
         fit = fit._replace(stages=(*fit.stages, stage), share=share if contact == 2 else fit.share)
-        if progress is not None:
-            text = ", ".join(f"{name} {value:.5g}" for name, value in values.items())
-            progress(f"until contact {contact}: {share:.1%} of the rows, {text}")
+        text = ", ".join(f"{name} {value:.5g}" for name, value in values.items())
+        progress(f"until contact {contact}: {share:.1%} of the rows, {text}")
         if fit.share < ENOUGH:
             break
     return fit

@@ -12,7 +12,7 @@ import io
 import math
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.scene import Scene
 from billiards_env.shots.records import data_of
 from billiards_env.shots.result import ShotResult
-from billiards_env.support.checks import RANGES, array_of, finite, integer, number, numbers, one_of, real, short
+from billiards_env.support.checks import RANGES, Range, array_of, finite, integer, number, numbers, one_of, real, short
 from billiards_env.support.files import read_text, write_atomically
 
 Floats = NDArray[np.float64]
@@ -41,6 +41,7 @@ _SECONDS = {"s": 1.0, "ms": 1e-3}
 _HEADINGS = {"shot": "shot|id|trial", "ball": "ball|name|colou?r", "time": "time|t|seconds", "x": "x", "y": "y"}
 _OF_BALL = re.compile(r"(.*\S)[ _.]([xy]\s*(?:[\[(].*)?)", re.IGNORECASE)  # a column of one ball, such as "cue_x (mm)"
 _EXAMPLE = "'shot,time,ball,x,y' and 'a,0.02,red,0.315,-0.2', or 'time,red_x,red_y' and '0.02,0.315,-0.2'"
+_FPS = Range(1.0, 1e5)
 _APART = 1e-6  # s, least time between two rows of a ball; no camera takes frames that fast
 _MOVES = 0.008  # m, after which a ball has moved
 _AWAY, _ROWS = 0.004, 3  # m, and rows: a ball moves if it is farther away in three rows; one may be an outlier
@@ -113,7 +114,12 @@ def write_tracks(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
     write_atomically(Path(path), text.getvalue().encode())
 
 
-def read_tracks(path: str | os.PathLike[str], unit: str = "m") -> list[Track]:
+def read_tracks(
+    path: str | os.PathLike[str],
+    unit: str = "m",
+    fps: float | None = None,
+    columns: Mapping[str, str] | None = None,
+) -> list[Track]:
     """Reads a file of tracks, compressed by gzip if its name ends in ".gz".
 
     A CSV file has one row for each ball and frame. Its columns have headings as in `_HEADINGS`, in any order and any
@@ -129,6 +135,8 @@ def read_tracks(path: str | os.PathLike[str], unit: str = "m") -> list[Track]:
     Args:
         path: The file.
         unit: The unit of x and y without a unit in their heading, one of `UNITS`.
+        fps: Frames per second, if the file has numbers of frames, in the column "frame", in place of times.
+        columns: Headings of a CSV file with other names, by the name in `COLUMNS`, such as {"ball": "object"}.
 
     Returns:
         The shots in the order in which they begin in the file.
@@ -139,10 +147,20 @@ def read_tracks(path: str | os.PathLike[str], unit: str = "m") -> list[Track]:
             the line.
     """
     one_of("unit", unit, tuple(UNITS))
+    frame = 1.0 if fps is None else 1.0 / real("fps", fps, _FPS)
+    for column in columns or ():
+        one_of("columns", column, COLUMNS)
     name, text = os.fspath(path), read_text(path, MAX_BYTES, "tracks")
     shots: dict[str, list[Row]] = {}
-    for shot, row in (_from_json if text.lstrip()[:1] in ("[", "{") else _from_csv)(name, text, unit):
-        shots.setdefault(shot, []).append(row)
+    if text.lstrip()[:1] in ("[", "{"):
+        if columns:
+            raise ValueError(f"{name}: expected a CSV file with the argument columns")
+        rows = _from_json(name, text, unit)
+    else:
+        named = {} if fps is None else {"time": "frame"}
+        rows = _from_csv(name, text, unit, named | dict(columns or {}))
+    for shot, (time, ball, x, y) in rows:
+        shots.setdefault(shot, []).append((time * frame, ball, x, y))
     index, most = {row[1]: number(row[1]) for rows in shots.values() for row in rows}, int(RANGES["balls"].most or 0)
     if not all(isinstance(k, float) and k.is_integer() for k in index.values()) or min(index.values(), default=1) > 0:
         index = {}
@@ -168,7 +186,7 @@ def _from_json(path: str, text: str, unit: str) -> Iterator[tuple[str, Row]]:
         raise ValueError(f"{path}: {error}") from error
 
 
-def _from_csv(path: str, text: str, unit: str) -> Iterator[tuple[str, Row]]:
+def _from_csv(path: str, text: str, unit: str, columns: Mapping[str, str]) -> Iterator[tuple[str, Row]]:
     """Yields the name of a shot and a row."""
     lines = [line if line.strip(" \t;,") and line[0] != "#" else "" for line in text.splitlines()]
     first = next(filter(None, lines), "")
@@ -176,7 +194,7 @@ def _from_csv(path: str, text: str, unit: str) -> Iterator[tuple[str, Row]]:
     reader = csv.reader(lines, delimiter=mark)
     table = ([cell.strip() for cell in cells] for cells in reader if cells)
     try:
-        rows = _by_ball(table)
+        rows = _by_ball(_renamed(table, columns))
         at, units = _columns(next(rows), unit)
         for cells in rows:
             shot, ball, *values = (cells[k] if k >= 0 else "" for k in at)
@@ -187,6 +205,20 @@ def _from_csv(path: str, text: str, unit: str) -> Iterator[tuple[str, Row]]:
             yield shot, (t, ball, x, y)
     except (ValueError, csv.Error) as error:
         raise ValueError(f"{path}, line {max(1, reader.line_num)}: {error}") from error
+
+
+def _renamed(table: Iterator[list[str]], columns: Mapping[str, str]) -> Iterator[list[str]]:
+    """Yields the rows of a table whose head has the names of `columns` in place of their headings."""
+    head = next(table, [""])
+    for name, heading in columns.items():
+        at = [k for k, cell in enumerate(head) if heading.lower() in (cell.lower(), _split(cell)[0])]
+        if len(at) != 1:
+            raise ValueError(f"head = {short(','.join(head))}: expected one column {heading!r} for {name!r}")
+        unit = _split(head[at[0]])[1]
+        head = ["" if re.fullmatch(_HEADINGS[name], _split(cell)[0]) else cell for cell in head]
+        head[at[0]] = f"{name} ({unit})" if unit else name
+    yield head
+    yield from table
 
 
 def _by_ball(table: Iterator[list[str]]) -> Iterator[list[str]]:
@@ -227,7 +259,8 @@ def _columns(head: Sequence[str], unit: str) -> tuple[list[int], tuple[float, fl
     for column, pattern in _HEADINGS.items():
         places = [k for k, name in enumerate(names) if re.fullmatch(pattern, name)]
         if len(places) != 1 and not (column == "shot" and not places):
-            raise ValueError(f"head = {short(','.join(head))}: expected one column {column!r}, as in {_EXAMPLE}")
+            more = " (or the argument fps)" if column == "time" else ""
+            raise ValueError(f"head = {short(','.join(head))}: expected one column {column!r}{more}, as in {_EXAMPLE}")
         at.append(places[0] if places else -1)
     time, x, y = (units[k] or usual for k, usual in zip(at[2:], ("s", unit, unit), strict=True))
     one_of("unit of time", time, tuple(_SECONDS))

@@ -61,6 +61,9 @@ equator that is due to this spin; slower equators have no tick."""
 LEGEND_SPIN = 3 * WEAKEST_SPIN
 """m/s. Up to this speed the line of the path hides the ticks, so the legend does not explain them."""
 
+LETTER = 0.008
+"""The width of a letter of a name over the length of the table."""
+
 WEAK = 0.02
 """m/s. Slower contacts have no mark, because balls that come to rest against each other touch about a hundred times."""
 
@@ -98,13 +101,16 @@ def draw_shot(shot: ShotResult, ax: Axes | None, compare: ShotResult | None) -> 
             if other.gone[i] == np.inf:
                 end = other.path(i, [other.time])[0]
                 _disc(ax, end, scene.balls.radius[i], 5, fill=False, edgecolor=look[i].path, linewidth=1.6)
-    spins = False
+    spins, drawn = False, list[tuple[int, Floats]]()
     for i in _in_play(recording):
         if recording.moves(i):
             spins |= _draw_path(ax, recording, i, look[i], fastest, turns)
-            draw_ball(ax, scene.balls.radius[i], look[i], recording.path(i, [0.0])[0], ghost=True)
+            drawn.append((i, recording.path(i, [0.0])[0]))
+            draw_ball(ax, scene.balls.radius[i], look[i], drawn[-1][1], ghost=True)
         if recording.gone[i] == np.inf:
-            draw_ball(ax, scene.balls.radius[i], look[i], recording.path(i, [recording.time])[0], ghost=False)
+            drawn.append((i, recording.path(i, [recording.time])[0]))
+            draw_ball(ax, scene.balls.radius[i], look[i], drawn[-1][1], ghost=False)
+    _write_names(ax, recording, look, drawn)
     _draw_events(ax, recording, look)
     if fastest > 0.0:
         _draw_speeds(ax, recording.scene, fastest)
@@ -295,9 +301,28 @@ def draw_ball(ax: Axes, radius: float, look: Look, position: ArrayLike, ghost: b
             ax.add_patch(band)
             band.set_clip_path(disc)
         _disc(ax, (x, y), radius, 8.2, edgecolor=CHALK, linewidth=0.8)
-    size, ink = 8 if len(look.number) < 2 else 6.5, CHALK if ghost or look.dots else look.ink
-    y -= 2.2 * radius * bool(look.dots)  # a name has its place under the ball
-    ax.text(x, y, look.number, fontsize=size, color=ink, ha="center", va="center_baseline", zorder=9, clip_on=True)
+    if not look.dots:  # a ball with dots has a name, see `_write_names`
+        size, ink = 8 if len(look.number) < 2 else 6.5, CHALK if ghost else look.ink
+        ax.text(x, y, look.number, fontsize=size, color=ink, ha="center", va="center_baseline", zorder=9, clip_on=True)
+
+
+def _write_names(ax: Axes, recording: Recording, look: tuple[Look, ...], drawn: Sequence[tuple[int, Floats]]) -> None:
+    """Writes the names of balls under, above or beside them, where they cover nothing; nowhere without such a place."""
+    radius, letter = recording.scene.balls.radius, LETTER * recording.scene.table.length
+    paths = [recording.track(i, np.linspace(0, recording.time, SAMPLES))[1] for i, _ in drawn if recording.moves(i)]
+    hits = [(event["x"], event["y"]) for event in recording.events if event["kind"] == "ball_ball"]
+    middles = np.vstack([*(place for _, place in drawn), *paths, *hits])  # of what is drawn, and half of its size
+    sizes = np.repeat([max(radius), radius[0] / 3, 5 * letter], [len(drawn), sum(map(len, paths)), len(hits)])
+    for ball, place in drawn:
+        text = look[ball].number if look[ball].dots else ""
+        half = np.array((len(text) / 2, 1.0)) * letter
+        for way in ((0, -1), (0, 1), (-1, 0), (1, 0)) if text else ():
+            middle = place + way * (half + 1.2 * radius[ball])
+            if (abs(middle - middles) >= half + sizes[:, None]).any(axis=1).all():
+                x, y = middle.tolist()
+                ax.text(x, y, text, fontsize=6.5, color=CHALK, ha="center", va="center", zorder=9, clip_on=True)
+                middles, sizes = np.vstack((middles, middle)), np.append(sizes, half[0])
+                break
 
 
 def _draw_events(ax: Axes, recording: Recording, look: tuple[Look, ...]) -> None:

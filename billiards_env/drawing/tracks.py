@@ -92,7 +92,7 @@ def _draw_shot(ax: Any, track: Any, used: NDArray[np.bool_], recording: Recordin
     """Draws the paths of a fitted shot and the rows of its track."""
     last, end = track.times.max(), track.times.max(initial=0.0, where=used)
     later = track.times > end
-    line = {"color": CHALK, "linewidth": 0.8, "zorder": 3}
+    line = {"color": CHALK, "linewidth": 0.8, "zorder": 4.5}
     cross = {"color": LEFT_OUT, "marker": "x", "markersize": 3.5, "markeredgewidth": 0.9, "linestyle": "none"}
     draw_empty(ax, recording.scene.table)
     for ball, look in enumerate(looks(recording.scene)):

@@ -221,7 +221,7 @@ class Task(NamedTuple):
 
     Attributes:
         judge: The kernel, see the module's docstring; None only for a game of several players, which has a referee.
-        layout: The default layout.
+        layout: The layout of an environment without the argument `layout`.
         scene: The name of the default scene.
         n_object_balls: The smallest and the largest number of object balls; None for no limit.
         n_targets: The number of object balls that count, from ball 1 on; None for all.
@@ -240,7 +240,7 @@ class Task(NamedTuple):
     """
 
     judge: Callable[..., Any] | None
-    layout: str
+    layout: str = "random"
     scene: str = "pool"
     n_object_balls: tuple[int, int | None] = (1, None)
     n_targets: int | None = None

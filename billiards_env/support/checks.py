@@ -286,8 +286,8 @@ def add_entry(
 ) -> None:
     """Adds an entry of another package to a table, such as `TASKS`.
 
-    The same entry may be added again, for example if its module is loaded again. Its functions are then other objects
-    with the same names, and replace the earlier ones.
+    The same entry may be added again. Another package may also change its own entry, for example in a cell of a
+    notebook: a function of both entries is then from the same module.
 
     Args:
         what: What the table holds, for error messages.
@@ -321,7 +321,8 @@ def add_entry(
             raise ValueError(f"{shown} = {short(value)}: expected {expected}")
         if attribute in ranges and get_origin(hint) is tuple and len(found) == 2 and found[0] > found[1]:
             raise ValueError(f"{shown} = {short(value)}: expected the smallest number first")
-    if name in table and _definition(table[name]) != _definition(entry):
+    old = table.get(name, entry)
+    if _definition(old) != _definition(entry) and not _own_modules(old) & _own_modules(entry):
         raise ValueError(f"name = {name!r}: expected a name that no other {what} has")
     table[name] = entry
 
@@ -398,6 +399,14 @@ def _definition(entry: Any) -> Any:
         return {key: _definition(value) for key, value in entry.items()}
     code = getattr(getattr(entry, "py_func", entry), "__code__", None)
     return (entry.__module__, entry.__qualname__, code and code.co_code) if hasattr(entry, "__qualname__") else entry
+
+
+def _own_modules(entry: Any) -> set[str]:
+    """Returns the modules of other packages in which the functions of an entry are defined."""
+    if isinstance(entry, tuple):
+        return set[str]().union(*map(_own_modules, entry))
+    module = entry.__module__ if hasattr(entry, "__qualname__") else "billiards_env"
+    return set() if module.partition(".")[0] == "billiards_env" else {module}
 
 
 def suggestion(name: str, choices: Sequence[str]) -> str:

@@ -7,6 +7,7 @@ import re
 import sys
 import tracemalloc
 from functools import cache
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -224,6 +225,15 @@ def test_the_command_plays_writes_and_verifies(tmp_path, capsys, monkeypatch):
     printed = capsys.readouterr().out.splitlines()
     assert printed[: len(rows) + 2] == [f"{path}: accepted, me: 2", head, *rows]
     assert printed.count(f"{path}: accepted, me: 2") == 2
+
+
+def test_the_seeds_of_a_task_count_together_as_on_the_leaderboard(monkeypatch):
+    monkeypatch.setattr(
+        bench, "reference", lambda: {"a": {"players": {"random": {"return": 0.0}, "best": {"return": 1.0}}}}
+    )
+    games: Any = [(0, np.zeros(6)), (1, np.ones(2))]
+    results = [bench.Result("a", seed, "", points, points, points > 0, points, "") for seed, points in games]
+    assert bench.score_table(bench.Bench("me", tuple(results))).endswith(" scores: 0.250")
 
 
 def test_an_interrupted_command_resumes(tmp_path, capsys, monkeypatch):

@@ -2,6 +2,7 @@
 
 import functools
 import json
+import re
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 
 from billiards_env import Scene, simulate
 from billiards_env.__main__ import main
-from billiards_env.calibration import Track, calibrate, observed, write_tracks
+from billiards_env.calibration import Track, calibrate, example, observed, write_tracks
 from billiards_env.calibration.contacts import find_exchange
 from billiards_env.calibration.fit import reduced, with_physics
 from billiards_env.calibration.preparation import PLACES, SPIN, VELOCITY, prepare
@@ -217,7 +218,7 @@ def test_bad_numbers_are_rejected(free, message):
 
 
 def test_a_number_is_fitted_only_if_a_law_of_the_scene_reads_it():
-    names: Any = import_module("billiards_env.calibration.calibrate")._free_names
+    names: Any = import_module("billiards_env.calibration.calibrate").free_names
     frictional = with_physics(SCENE, ball_ball="frictional")
     assert "mu_ball_decay" in names(frictional, None)
     assert "mu_ball_decay" not in names(with_physics(frictional, mu_ball=0.05), None)
@@ -253,3 +254,19 @@ def test_the_command_prints_the_report_and_writes_files(tmp_path, capsys):
     )
     with pytest.raises(SystemExit, match=r"suffix = '\.txt': expected one of '\.json'"):
         main(["calibrate", str(file), "--out", str(tmp_path / "report.txt")])
+
+
+def test_the_command_writes_an_example_and_fits_it(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(example, "SHOTS", 2)
+    monkeypatch.setattr(example, "CHANGE", 1.0)  # only one constant is fitted
+    file = tmp_path / "tracks.csv"
+    main(["calibrate", str(file), "--example", "--scene", "carom", "--free", "mu_roll", "--contacts", "2"])
+    printed, progress = capsys.readouterr()
+    assert re.match(rf"wrote {file}: 2 simulated shots with mu_slide 0.2, mu_roll 0.01, .*\n", progress)
+    assert float(printed.splitlines()[1].split()[2]) == pytest.approx(0.01, rel=0.05)
+    for wrong, message in (
+        (["--example"], "expected a new file for the example"),
+        (["--columns", "ball"], "--columns = 'ball': expected NAME=HEADING"),
+    ):
+        with pytest.raises(SystemExit, match=message):
+            main(["calibrate", str(file), *wrong])

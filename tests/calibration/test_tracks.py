@@ -120,6 +120,26 @@ def test_separators_decimal_commas_comments_units_and_headings(tmp_path):
         read_tracks(path, "feet")
 
 
+def test_frames_are_counted_and_columns_have_other_names(tmp_path):
+    path, columns = tmp_path / "tracks.csv", {"ball": "Object", "x": "pos_x", "y": "pos_y"}
+    path.write_text("shot,frame,object,pos_x (cm),pos_y,x\na,5,0,100,0.2,7\na,10,0,110,0.3,7\n")
+    (track,) = read_tracks(path, fps=50, columns=columns)
+    assert (track.times.tolist(), track.positions.tolist()) == ([0.1, 0.2], [[1.0, 0.2], [1.1, 0.3]])
+    (track,) = read_tracks(path, columns=columns | {"time": "frame"})
+    assert track.times.tolist() == [5.0, 10.0]
+    for changed, message in (
+        ({"bal": "object"}, r"columns = 'bal': expected one of .* \(did you mean 'ball'\?\)"),
+        ({"ball": "colour"}, "line 1: head = .*: expected one column 'colour' for 'ball'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            read_tracks(path, fps=50, columns=changed)
+    path.write_text("time,0_x,0_y\n0,1,2\n")
+    with pytest.raises(ValueError, match="expected one column 'frame' for 'time'"):
+        read_tracks(path, fps=50)
+    with pytest.raises(ValueError, match="fps = 0"):
+        read_tracks(path, fps=0)
+
+
 def test_a_row_may_have_all_balls_of_a_frame(tmp_path):
     path = tmp_path / "tracks.csv"
     path.write_text("time,cue_x,cue_y,red_x,red_y\n0,0.1,0.2,0.3,0.4\n0.02,0.2,0.2,,\n0.04,0.3,0.2,0.3,0.4\n")

@@ -194,6 +194,10 @@ def test_one_far_row_never_ends_a_track():
     ("change", "message"),
     [
         (lambda t, p: (t, 1.1 * p), r"shot s\d+, ball \d: \d+ rows up to 0.\d+ m beyond the cushion: expected metres"),
+        (
+            lambda t, p: (t, p[:, ::-1]),
+            r"table, 2.84 x 1.42 m, with x along its length \(are x and y exchan",
+        ),
         (lambda t, p: (t, 0.985 * p), r"balls turn 0.0\d+ m short of the cushion at [+-][xy]: expected metres"),
         (lambda t, p: (50.0 * t, p), r"m at .* m/s or less: expected a way that a ball can roll"),
         (lambda t, p: (t / 50.0, p), r"m/s: expected at most 20, and times in seconds"),

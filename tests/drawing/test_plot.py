@@ -117,12 +117,26 @@ def test_a_break_does_not_hide_its_rack_with_marks():
     assert gaps.min() >= 2 * scene.balls.radius[0]
 
 
-def test_the_colours_of_snooker_have_their_names():
+def test_the_colours_of_snooker_have_their_names_where_they_cover_nothing():
     scene = Scene.named("snooker", 21)
     positions = layouts.draw("snooker", scene, np.random.default_rng(0))
-    texts = {text.get_text() for text in simulate(scene, positions, [0.1, 0.3], record=True).plot().texts}
-    assert {"yellow", "green", "brown", "blue", "pink", "black"} <= texts
-    assert not {"1", "16", "red"} & texts
+    for velocity, names in (
+        ([0.1, 0.3], {"yellow", "green", "brown", "blue", "pink", "black"}),
+        ([4.0, 0.33], {"pink"}),
+    ):
+        axes = simulate(scene, positions, velocity, record=True).plot()
+        axes.figure.canvas.draw()
+        texts = {text.get_text(): text for text in axes.texts}
+        assert names <= texts.keys()
+        assert not {"1", "16", "red"} & texts.keys()
+        boxes = {name: axes.transData.inverted().transform_bbox(texts[name].get_window_extent()) for name in names}
+        points = np.vstack(
+            [
+                *(line.get_xydata() for line in paths(axes, "-")),
+                *(p.center for p in axes.patches if isinstance(p, Circle)),
+            ]
+        )
+        assert not any(box.count_contains(points) for box in boxes.values())
 
 
 def test_another_run_has_dashed_paths_and_rings(shot, pit):

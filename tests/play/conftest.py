@@ -10,10 +10,10 @@ from billiards_env.play.model import HUMAN, begin
 def make_model():
     """A function that returns the model of a game for two players, from the opening or from given positions."""
 
-    def make(rules="straight", positions=None, state=None, players=(HUMAN, HUMAN), choices=False, **kwargs):
+    def make(rules="straight", positions=None, state=None, players=(HUMAN, HUMAN), choices=False, scene=None, **kwargs):
         balls = GAMES[rules].n_object_balls[1] if positions is None else len(positions) - 1
         name = "real_pool" if rules == "blackball" else GAMES[rules].scene  # other tests compile its engine too
-        setup = Setup(rules, Scene.named(name, balls), len(players), **kwargs)
+        setup = Setup(rules, Scene.named(name, balls) if scene is None else scene, len(players), **kwargs)
         table = (
             opening(setup, np.random.default_rng(0)) if positions is None else custom_opening(setup, positions, state)
         )

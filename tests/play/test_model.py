@@ -9,7 +9,7 @@ from billiards_env import Scene, strike
 from billiards_env.drawing.pace import PACES, faster, slower
 from billiards_env.drawing.recording import recording_of
 from billiards_env.engine import PIC, Engine
-from billiards_env.games import NO_CALL, Call, History, Setup, Stroke, custom_opening, play, to_dict
+from billiards_env.games import NO_CALL, Call, Stroke, play, to_dict
 from billiards_env.games.placement import placement_area
 from billiards_env.play import model as actions
 from billiards_env.play.model import LEAST_SPEED, begin, shoot, tick
@@ -161,11 +161,9 @@ def test_the_tip_of_the_cue_does_not_slip(make_model):
     assert after(model, actions.go, actions.go).aim.tip == (0.0, 0.0)  # the next turn begins with a level cue
 
 
-def test_scenes_without_spin_have_no_english():
-    scene = Scene.named("pool", 2)
+def test_scenes_without_spin_have_no_english(make_model):
     rolling = Physics(motion="rolling", cushion="restitution")
-    setup = Setup("straight", dataclasses.replace(scene, physics=rolling))
-    model = begin(History(setup, custom_opening(setup, STRAIGHT), ()), ("human",) * 2, 8.0, 1 / 60)
+    model = make_model(positions=STRAIGHT, scene=dataclasses.replace(Scene.named("pool", 2), physics=rolling))
     assert after(model, (actions.set_tip, 0.3, 0.0), (actions.raise_cue, 20.0)) is model
     assert model.stroke.velocity == (2.0, 0.0)
 
@@ -370,9 +368,8 @@ def test_the_aim_for_a_stroke_is_that_stroke(make_model):
     assert actions.aim_like(actions.go(aimed), stroke).phase == "rolling"
 
 
-def test_a_raised_cue_makes_the_ball_hop_in_a_scene_with_flight():
-    setup = Setup("straight", Scene.named("jump_pool", 2))
-    model = begin(History(setup, custom_opening(setup, STRAIGHT), ()), ("human",) * 2, 8.0, 1 / 60)
+def test_a_raised_cue_makes_the_ball_hop_in_a_scene_with_flight(make_model):
+    model = make_model(positions=STRAIGHT, scene=Scene.named("jump_pool", 2))
     played = after(model, (actions.look_at, (0.4, 0.3)), (actions.raise_cue, 40.0), actions.go)
     assert np.ptp(recording_of(played.last_shot.shot).heights(0, np.linspace(0, 0.1, 50))) > 0.01
     again = begin(played.history, model.players, 8.0, 1 / 60)

@@ -18,13 +18,13 @@ import pygame
 from billiards_env import Engine, Scene, simulate
 from billiards_env.drawing.canvas import Canvas, pixels
 from billiards_env.drawing.pace import slower
-from billiards_env.games import History, Setup, Stroke, custom_opening, records
+from billiards_env.games import Stroke, records
 from billiards_env.play import labels
 from billiards_env.play import model as act
-from billiards_env.play.model import begin, change_pace, go, repeat, shoot, tick, toggle, turn_aim
+from billiards_env.play.model import change_pace, go, repeat, shoot, tick, toggle, turn_aim
 from billiards_env.play.panel import place_controls
 from billiards_env.play.view import View, _row
-from billiards_env.play.window import GameWindow, _Work
+from billiards_env.play.window import COMMANDS, GameWindow, _Work
 from billiards_env.players.levels import LevelPlayer
 from billiards_env.players.named import find_player
 from billiards_env.players.planner import Plan
@@ -96,34 +96,31 @@ def drag(shown, start, *points):
     shown.frame()
 
 
-def test_a_game_by_keyboard(make_model, window):
-    shown = window(make_model("nine_ball"))
+def state(model):
+    """Returns what the keys change."""
+    return model.phase, model.aim, model.page, model.pace, model.zoom, model.ghost, model.strokes
+
+
+def test_each_key_does_its_action_in_each_phase(make_model, window):
+    placing = make_model("nine_ball")
+    aiming, rolling = go(placing), go(go(placing))
+    shown = window(placing)
+    commands = [(key, *command) for key, command in COMMANDS.items() if callable(command[0])]
+    for start, mod, (key, action, *arguments) in itertools.product(
+        (placing, aiming, rolling, repeat(rolling)), (0, SHIFT), commands
+    ):
+        shown.model, held = start, pygame.KMOD_LCTRL * key.startswith("ctrl ")
+        press(shown, pygame.key.key_code(key.removeprefix("ctrl ")), mod=mod | held)
+        arguments = [0.1 * one if mod and isinstance(one, float) else one for one in arguments]
+        assert state(shown.model) == state(action(start, *arguments)), key
+    shown.model = aiming
     press(shown, pygame.K_LEFT, pygame.K_UP)
-    press(shown, pygame.K_RIGHT, pygame.K_DOWN, mod=SHIFT)
-    assert shown.model.cue_position == pytest.approx((-0.635 - 0.01 + 0.001, 0.01 - 0.001))
-    press(shown, pygame.K_SPACE)
-    angle, speed = shown.model.aim.angle, shown.model.aim.speed
-    press(shown, pygame.K_LEFT, pygame.K_DOWN)
-    press(shown, pygame.K_RIGHT, pygame.K_DOWN, mod=SHIFT)
-    assert math.degrees(shown.model.aim.angle - angle) == pytest.approx(1.0 - 0.1)
-    assert shown.model.aim.speed == pytest.approx(speed - 0.1 - 0.01)
-    press(shown, pygame.K_p)
-    assert shown.model.phase == "placing"
-    press(shown, pygame.K_RETURN, pygame.K_SPACE)
-    assert shown.model.phase == "rolling"
-    press(shown, pygame.K_MINUS)
-    assert shown.model.pace == 0.5
-    press(shown, pygame.K_EQUALS, pygame.K_SPACE)
-    assert shown.model.pace == 1
-    assert shown.model.phase in ("aiming", "placing")
-    press(shown, pygame.K_r)
-    assert shown.model.phase == "replaying"
-    press(shown, pygame.K_g)
-    assert not shown.model.ghost
-    press(shown, pygame.K_SPACE, pygame.K_u)
-    assert shown.model.strokes == ()
+    press(shown, pygame.K_RIGHT, pygame.K_UP, mod=SHIFT)
+    assert math.degrees(shown.model.aim.angle - aiming.aim.angle) == pytest.approx(1.0 - 0.1)
+    assert shown.model.aim.speed == pytest.approx(aiming.aim.speed + 0.1 + 0.01)
+    shown.model = rolling
     press(shown, pygame.K_q)
-    assert not shown.open
+    assert shown.asking
 
 
 def test_a_shot_by_mouse(shown):
@@ -185,21 +182,11 @@ def test_a_stroke_that_noise_makes_faster_than_the_fastest_shot_is_shown(make_mo
     assert (scales[1] != scales[0]).any()
 
 
-def test_keys_set_the_tip_the_elevation_and_the_call(shown, make_model, window):
-    press(shown, pygame.K_LEFT, pygame.K_UP, pygame.K_UP, mod=pygame.KMOD_LCTRL)
-    press(shown, pygame.K_PAGEUP, pygame.K_PAGEUP, pygame.K_PAGEDOWN)
-    press(shown, pygame.K_PAGEUP, mod=SHIFT)
-    assert shown.model.aim.tip == pytest.approx((0.05, 0.1))
-    assert shown.model.aim.elevation == 5.5
-    assert shown.model.aim.angle == 0.0
-    press(shown, pygame.K_c)
-    assert (shown.model.aim.tip, shown.model.aim.elevation) == ((0.0, 0.0), 0.0)
-    called = window(make_model(positions=BALLS, call_shot=True))
-    plain = press(called)
-    assert (press(called, pygame.K_b, pygame.K_k) != plain).any()  # the rings move
-    assert called.model.stroke.call.ball == 2
-    press(called, pygame.K_x)
-    assert called.model.stroke.call.kind == "safety"
+def test_the_called_ball_and_pocket_are_shown(make_model):
+    model = make_model(positions=BALLS, call_shot=True)
+    view = View(model.setup.scene, 320)
+    plain = pixels(view.draw(model)).copy()
+    assert (pixels(view.draw(act.next_called(act.next_called(model, "ball"), "pocket"))) != plain).any()
 
 
 def test_fine_aim(shown):
@@ -251,9 +238,8 @@ def shot_of(model) -> Any:
     return go(model).last_shot.shot  # pyright: ignore[reportOptionalMemberAccess]
 
 
-def test_the_key_has_no_aim_help_for_flights(window):
-    setup = Setup("straight", Scene.named("jump_pool", 2))
-    shown = window(begin(History(setup, custom_opening(setup, BALLS), ()), ("human",) * 2, 8.0, 1 / 60))
+def test_the_key_has_no_aim_help_for_flights(make_model, window):
+    shown = window(make_model(positions=BALLS, scene=Scene.named("jump_pool", 2)))
     assert hint(shown, BALLS[2]).phase == "aiming"
     assert shown.message == "no aim help for flights"
 
@@ -364,11 +350,8 @@ def test_quitting_asks_if_the_game_is_not_saved(events, is_open, asks, saves, sh
         assert shown.message == f"saved to {tmp_path / 'game.json'}"
         record: Any = records.load(tmp_path / "game.json")
         assert (record.strokes, len(record.strokes)) == (shown.model.strokes, 1)
-
-
-def test_without_the_question_the_window_closes(shown):
-    shown.ask = False
-    press(shown, pygame.K_SPACE, pygame.K_SPACE, pygame.K_q)
+    shown.open, shown.ask = True, False
+    shown.quit()
     assert not shown.open
 
 
@@ -584,11 +567,10 @@ def test_the_ghost_is_visible_in_a_replay(make_model):
     assert (pixels(view.draw(model)) == with_ghost).all()  # the film starts again
 
 
-def test_a_ball_in_the_air_is_drawn_at_its_height(monkeypatch):
-    setup, drawn = Setup("straight", Scene.named("jump_pool", 2)), []
-    model = begin(History(setup, custom_opening(setup, BALLS), ()), ("human",) * 2, 8.0, 1 / 60)
+def test_a_ball_in_the_air_is_drawn_at_its_height(make_model, monkeypatch):
+    model, drawn = make_model(positions=BALLS, scene=Scene.named("jump_pool", 2)), []
     model = tick(go(act.raise_cue(turn_aim(model, 20.0), 40.0)), 0.05)
     monkeypatch.setattr(Canvas, "draw_balls", lambda *arguments: drawn.append(arguments[5]))
-    View(setup.scene, 320).draw(model)
+    View(model.setup.scene, 320).draw(model)
     assert drawn[-1][0] > 0.01
     assert not drawn[-1][1:].any()
