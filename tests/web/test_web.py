@@ -150,17 +150,17 @@ def test_the_page_plays_a_shot_and_its_address_holds_it(engine, tab, tmp_path):
 def test_the_page_plays_against_the_policy(engine, tab, tmp_path):
     (tmp_path / "play.html").write_text(build.play_page(engine), encoding="utf-8")
     page = tab.context.browser.new_page()
-    page.goto((tmp_path / "play.html").as_uri())
+    near = "0,0;1.22,0.585;-1.22,0.585;1.22,-0.585;-1.22,-0.585;0.05,0.58"  # balls next to the pockets
+    page.goto((tmp_path / "play.html").as_uri() + f"#game=duel&scene=pool&balls={near}&cue=0,0.1,0,0,0&dt=30")
     page.wait_for_function("() => window.billiards !== undefined")
-    page.select_option("#game", "duel")
-    page.select_option("#rate", "4")
     page.click("#shoot")
-    page.wait_for_function("() => billiards.start.turn === 1 && billiards.start.velocities", timeout=60_000)
-    page.wait_for_function("() => Math.max(...billiards.start.won) > 0", timeout=120_000)
-    given = page.context.browser.new_page()
-    given.goto(page.url)  # the address of a shot of the computer holds its motion
-    given.wait_for_function("() => window.billiards?.shots")
-    assert given.input_value("#game") in ("given", "duel")
+    page.evaluate("billiards.seek(Math.max(...billiards.shots.map(shot => shot.time)) - 0.01)")
+    page.click("#play")
+    page.wait_for_function("() => billiards.start.turn === 1 && billiards.shots", timeout=120_000)
+    assert re.match(r"The computer's shot\. You 0, computer [1-5]\. ", page.inner_text("#message"))
+    assert "#game=given" in page.url  # the address holds the motion of the cue ball
+    page.click("#undo")
+    assert page.evaluate("[billiards.start.turn, billiards.start.won]") == [0, [0, 0]]
 
 
 def test_another_version_of_numba_is_refused(monkeypatch):
