@@ -75,11 +75,11 @@ def carom(state, facts, call):
     """Judges a shot of carom (UMB, art. 24 and 61).
 
     The shooter scores a point and continues if the cue ball touches both other balls. The opening shot must first touch
-    the red ball, number 1. The game is over when a player reaches the target score.
+    the red ball, number 1, before a cushion (23). The game is over when a player reaches the target score.
 
     If the cue ball touches a ball at the start of a shot, the player plays away from it, or has the balls set up again
-    (27). It is a foul to hit such a ball first, before a cushion, or to drive a ball off the table (28). A foul scores
-    nothing.
+    (27). It is a foul to hit such a ball first, before a cushion, or to drive a ball off the table; the balls are then
+    set up again (28). A foul scores nothing.
 
     With a limit of innings, a player who reaches the target score ends the turn, and the next player plays from the
     starting position. The game is over at the end of the last inning, or of the inning in which a player reaches the
@@ -97,22 +97,23 @@ def three_cushion(state, facts, call):
 @inlined
 def _carom(state, facts, cushions):
     foul = PUSH if facts.first & state.touching != 0 and facts.cushions_before_first == 0 else NO_FOUL
-    state.touching = 0
-    if facts.driven_off != 0 or facts.cue_off:
+    state.touching, off = 0, facts.driven_off | (1 << state.cue_balls[0] if facts.cue_off else 0)
+    if off != 0:
         foul = DRIVEN_OFF
     legal = foul == NO_FOUL and facts.first & red_to_open(state, state.player) != 0
+    legal = legal and not (state.break_shot and facts.cushions_before_first > 0)
     points = 1 if legal and is_carom(facts.touched, facts.cushions_before_last, 2, cushions) else 0
     reached = 0 < state.target <= state.scores[state.player] + points
     if state.innings == 0:
         if reached:
             end(state, state.player)
-        return verdict(foul, points, continues=points > 0, spotted=facts.driven_off)
+        return verdict(foul, points, continues=points > 0, spotted=off)
     continues, last = points > 0 and not reached, state.player == state.n_players - 1
     if not continues and last:
         state.inning += 1
         if state.inning == state.innings or 0 < state.target <= best_score(state, points):
             end(state, leader(state, points))
-    return verdict(foul, points, 0, continues, facts.driven_off, RERACK_ALL if reached and not last else NO_RERACK)
+    return verdict(foul, points, 0, continues, off, RERACK_ALL if reached and not last else NO_RERACK)
 
 
 @inlined
@@ -147,19 +148,37 @@ def starting_position(table, positions, state, kind):
 
 
 @inlined
+def set_up_all(table, positions, state, verdict):
+    """Sets up the balls as for the opening shot after one is driven off the table (UMB, art. 28), as `Game.settle`."""
+    if verdict.spotted != 0:
+        on_starting_spots(table, positions, 0, state.cue_balls[0])
+
+
+@inlined
 def touching_on_spots(table, positions, state, kind):
-    """Sets up the cue ball and the balls that touch it on the spots of three-cushion carom (UMB, paper F).
+    """Sets up the cue ball and the balls that touch it on their spots (UMB, art. 27), as `Game.without_shot`."""
+    on_spots(table, positions, state, state.touching | 1 << state.cue_balls[0])
+
+
+@inlined
+def driven_on_spots(table, positions, state, verdict):
+    """Sets up the balls that are driven off the table on their spots (UMB, art. 28), as `Game.settle`."""
+    on_spots(table, positions, state, verdict.spotted)
+
+
+@inlined
+def on_spots(table, positions, state, moved):
+    """Places some balls on the spots of three-cushion carom (UMB, paper F).
 
     The spots are the foot spot for the red ball, the head spot for the cue ball and the centre spot for the other ball.
     If a ball that stays blocks the spot of another ball, that ball goes to the spot of the blocking ball.
     """
     cue, other = state.cue_balls
-    moved = state.touching | 1 << cue
     for ball in (1, other, cue):
         if moved >> ball & 1:
             owner = ball
-            for stays in (1, other):
-                x, y = spot_of(table, ball, cue)
+            for stays in (1, other, cue, 1, other):  # the spot of the first blocking ball may be blocked as well
+                x, y = spot_of(table, owner, cue)
                 if moved >> stays & 1 == 0 and overlaps(table, positions, stays, x, y):
                     owner = stays
             positions[ball, X], positions[ball, Y] = spot_of(table, owner, cue)
@@ -188,6 +207,7 @@ _CAROM = functools.partial(
     choices=("rerack",),
     spot=no_spots,
     rack=on_starting_spots,
+    settle=set_up_all,
     look=look,
     state=lambda balls: Carom(),
     facts=FACTS,
@@ -199,6 +219,7 @@ GAMES = {
     "three_cushion": _CAROM(
         three_cushion,
         cushions=CUSHIONS_TO_TOUCH,
+        settle=driven_on_spots,
         without_shot=touching_on_spots,
         page=(
             ("to win", "score the target"),

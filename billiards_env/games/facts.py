@@ -162,27 +162,28 @@ def scratch(shots, k, bits) -> bool:
 
 @inlined
 def _is_driven(shots, k, i):
-    return shots.pockets[k, i] >= 0 or shots.cushions[k, i] > 0
+    return shots.pot_order[k, i] >= 0 or shots.cushions[k, i] > 0
 
 
 @inlined
 def driven(shots, k, bits) -> Balls:
-    """The object balls that hit a cushion or were potted (WPA 8.4)."""
+    """The object balls that hit a cushion, were potted or were driven off the table (WPA 8.4)."""
     return balls_that(_is_driven, shots, k, bits)
 
 
 @inlined
 def cue_driven(shots, k, bits) -> bool:
-    """Whether the cue ball hit a cushion or was potted (WPA 8.4)."""
-    return _is_driven(shots, k, shots.cue[k])
+    """Whether the cue ball hit a cushion, or left the table, after its first contact with a ball (WPA 4.3, 8.4)."""
+    cue = shots.cue[k]
+    after = shots.cushions[k, cue] > cushions_before_first(shots, k, bits)
+    return shots.first_hit[k] >= 0 and (after or shots.pot_order[k, cue] >= 0)
 
 
 @inlined
 def cushion_after(shots, k, bits) -> bool:
-    """Whether any ball hit a cushion or was potted after the cue ball's first contact with a ball."""
+    """Whether any ball hit a cushion, or left the table, after the cue ball's first contact with a ball."""
     # No object ball moves before the first contact, or before the strike that drives it together with the cue ball.
-    after = shots.cushions[k, shots.cue[k]] > cushions_before_first(shots, k, bits)
-    return shots.first_hit[k] >= 0 and (after or scratch(shots, k, bits) or driven(shots, k, bits) != 0)
+    return cue_driven(shots, k, bits) or (shots.first_hit[k] >= 0 and driven(shots, k, bits) != 0)
 
 
 @inlined

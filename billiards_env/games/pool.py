@@ -243,7 +243,8 @@ def rotation(state, facts, call, last, counted, wins):
 
     After a foul the next player has the cue ball in hand anywhere. A break that pots no ball and drives fewer than four
     balls to a cushion is a foul (WPA 2.3, 9.3). After a legal break the next shot may be a push out: it need not touch
-    a ball or a cushion, the turn passes, and the next player may make the same player shoot again (WPA 2.4, 9.4).
+    a ball or a cushion, the turn passes, and the next player may make the same player shoot again (WPA 2.4, 9.4). The
+    other fouls still count.
     With two players, the third consecutive foul loses (WPA 2.8, 6.14, 9.11).
 
     Args:
@@ -256,8 +257,10 @@ def rotation(state, facts, call, last, counted, wins):
     """
     spotted, foul = (facts.potted | facts.driven_off) & last, standard_foul(facts, lowest_ball(state, state.player))
     if call.kind == PUSH_OUT and foul != SCRATCH:
-        state.choices = 1 << HAND_BACK
-        return verdict(spotted=spotted)
+        foul = DRIVEN_OFF if facts.driven_off != 0 else NO_FOUL
+        if foul == NO_FOUL:
+            state.choices = 1 << HAND_BACK
+            return verdict(spotted=spotted)
     if foul == NO_FOUL and state.break_shot and facts.potted == 0 and size(facts.driven) < 4:
         foul = ILLEGAL_BREAK
     if foul != NO_FOUL:

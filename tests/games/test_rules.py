@@ -47,7 +47,7 @@ def test_balls_touched_at_the_same_instant_are_all_first():
 
 
 def test_the_cue_ball_may_have_another_number():
-    facts = facts_in_words(record_of("cushion 2, hit 0 2, cushion 0, hit 1 2", cue=2))
+    facts = facts_in_words(record_of("cushion 2, hit 0 2, cushion 0, hit 1 2, cushion 2", cue=2))
     assert (facts.first, facts.touched, facts.cushions_before_last) == ((0,), 2, 1)
     assert (facts.cushion_after, facts.driven, facts.cue_driven) == (True, (0,), True)
 
@@ -228,6 +228,7 @@ STRAIGHT = [
     (CALLED_BREAK, "hit 0 1, cushion 0, cushion 2, cushion 3", ruling()),
     (CALLED_BREAK, "hit 0 1, cushion 2, cushion 3", ruling("breaking_foul", -2, **AGAIN)),
     (CALLED_BREAK, "hit 0 1, cushion 0, cushion 2", ruling("breaking_foul", -2, **AGAIN)),
+    (CALLED_BREAK, "cushion 0, hit 0 1, cushion 2, cushion 3", ruling("breaking_foul", -2, **AGAIN)),
     (CALLED_BREAK, "hit 0 1, pocket 2 0", ruling(points=1, continues=True), Call(2, 0)),
     (CALLED_BREAK, "hit 0 1, pocket 0", ruling("breaking_foul", -2, **BEHIND, **AGAIN)),
     (CALLED_BREAK | {"on_table": (1,)}, "hit 0 1, cushion 0, cushion 1", ruling()),  # with a single object ball
@@ -245,6 +246,7 @@ CAROM = [
     ({}, "hit 0 1", ruling()),
     ({"break_shot": True}, "hit 0 1, hit 0 2", POINT),  # the red ball first
     ({"break_shot": True}, "hit 0 2, hit 0 1", ruling()),
+    ({"break_shot": True}, "cushion 0, hit 0 1, hit 0 2", ruling()),  # 23: direct
     ({"scores": (8, 9), "target": 10}, "hit 0 2, hit 0 1", POINT),
     # A ball that touches the cue ball must not be played at directly (27).
     ({"touching": (1,)}, "hit 0 1, hit 0 2", ruling("push")),
