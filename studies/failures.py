@@ -1,5 +1,7 @@
 """The four failures of PIT, as small scenes with round numbers that can be computed by hand.
 
+`python -m studies.failures` draws them.
+
 They are the failures of section 4 of N. Warkari and M. Jamsandekar, "Evaluation of Collision Handling Techniques in 2D
 collisions" (Georgia Institute of Technology), in the world of this paper: elastic disks without friction, here with a
 radius of 3 cm on a table of 2 x 1 m. With a timestep of 1/25 s, PIT tests for overlap at 25 instants per second and
@@ -22,9 +24,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from pathlib import Path
 
+from benchmarks import parser_of, save
+from billiards_env.commands import ending
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.table import Table
+from billiards_env.support.files import check_path
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -33,6 +39,7 @@ class Failure:
 
     Attributes:
         title: The name of the failure in the paper of Warkari and Jamsandekar.
+        text: What goes wrong, in a sentence.
         scene: A scene with two balls; its `physics.max_time` ends the shot soon after the failure.
         positions: (2, 2) initial positions, m.
         velocities: (2, 2) initial velocities, m/s.
@@ -40,6 +47,7 @@ class Failure:
     """
 
     title: str
+    text: str
     scene: Scene
     positions: tuple[tuple[float, float], ...]
     velocities: tuple[tuple[float, float], ...]
@@ -57,6 +65,7 @@ _DT = 1 / 25
 FAILURES: dict[str, Failure] = {
     "missed_collision": Failure(
         title="Missed collision",
+        text="The balls touch and would separate again between two tests, so both go straight on.",
         scene=_scene(mass=0.2, max_time=0.2),
         positions=((-0.4, 0.0), (0.0, -0.3)),
         velocities=((4.0, 0.0), (0.0, 3.0)),
@@ -64,6 +73,7 @@ FAILURES: dict[str, Failure] = {
     ),
     "penetration": Failure(
         title="Penetrating balls",
+        text="A test finds the balls deep in each other: the line of centres has turned, so both go wrong.",
         scene=_scene(mass=0.2, max_time=0.4),
         positions=((-0.4, 0.0), (0.015, 0.036)),
         velocities=((2.0, 0.0), (0.0, 0.0)),
@@ -71,6 +81,7 @@ FAILURES: dict[str, Failure] = {
     ),
     "multiple_collisions": Failure(
         title="Multiple collisions",
+        text="Ball 1 rebounds and hits ball 0 again between two tests: the timestep finds one collision of two.",
         scene=_scene(mass=0.2, max_time=0.4),
         positions=((0.45, 0.0), (0.96, 0.01)),
         velocities=((2.0, 0.0), (0.0, 0.0)),
@@ -78,6 +89,7 @@ FAILURES: dict[str, Failure] = {
     ),
     "wrong_bounce": Failure(
         title="Wrong direction after bounce",
+        text="The ball is deep in a fixed ball when a test finds it, so it goes on forwards and does not bounce back.",
         scene=_scene(mass=math.inf, max_time=0.4),
         positions=((-0.4, 0.0), (0.015, 0.036)),
         velocities=((2.0, 0.0), (0.0, 0.0)),
@@ -85,3 +97,18 @@ FAILURES: dict[str, Failure] = {
     ),
 }
 """The failures, by name."""
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs the command line; see `python -m studies.failures --help`."""
+    output = (Path("failures.png"), "the picture, .png")
+    args = parser_of("studies.failures", "Draw the four failures of a timestep.", output=output).parse_args(arguments)
+    with ending():
+        from studies.figures import failures
+
+        save(failures(), check_path(args.output, ".png"))
+        print(f"wrote {args.output}")
+
+
+if __name__ == "__main__":
+    main()

@@ -10,6 +10,7 @@ import dataclasses
 import itertools
 import math
 import os
+import textwrap
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -154,6 +155,7 @@ def failures() -> Figure:
         for ax, shot, engine in zip(row, (stepped, simulate(*start, record=True)), ("PIT", "PIC"), strict=True):
             _draw_failure(ax, case, shot, centre, half, ends)
             ax.set_title(f"{case.title}, {engine}", fontsize=12, color=INK, loc="left")
+        row[0].set_xlabel(textwrap.fill(case.text, 54), fontsize=9.5, color=INK, loc="left")
     return figure
 
 

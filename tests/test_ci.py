@@ -15,6 +15,7 @@ TESTED = {
     "benchmarks.gradients",
     "benchmarks.real_tracks",
     "benchmarks.referees",
+    "studies.failures",
     "studies.figures",
     "studies.frozen_tasks",
     "studies.leaderboard",

@@ -311,7 +311,7 @@ def play_page(engine: bytes) -> str:
             for name, (title, names, layout, balls) in GAMES.items()
         },
         "failures": {
-            name: {"title": case.title, "positions": case.positions, "velocities": case.velocities, "dt": case.dt}
+            name: {field: getattr(case, field) for field in ("title", "text", "positions", "velocities", "dt")}
             for name, case in FAILURES.items()
         },
         "opponent": opponent(),

@@ -1,5 +1,6 @@
 """The failures of Warkari and Jamsandekar: the results of PIC and PIT."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from benchmarks.reference import oracle
 from billiards_env.engine import PIC, Engine
 from billiards_env.shots import simulation
-from studies.failures import FAILURES, Failure
+from studies.failures import FAILURES, Failure, main
 from tests.helpers.shots import kinds
 
 
@@ -65,3 +66,14 @@ def test_a_fix_with_the_true_line_of_centres_has_the_right_velocities(name):
     assert kinds(shot) == kinds(exact)
     assert shot.velocities == pytest.approx(exact.velocities, abs=1e-12)
     assert shot.positions == pytest.approx(exact.positions, abs=1e-13)
+
+
+def test_the_command_draws_them_where_it_is_told(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    main([])
+    main(["--output", "four.png"])
+    assert capsys.readouterr().out == "wrote failures.png\nwrote four.png\n"
+    assert Path("four.png").read_bytes() == Path("failures.png").read_bytes()
+    with pytest.raises(SystemExit, match="expected a name that ends in"):
+        main(["--output", "four.txt"])

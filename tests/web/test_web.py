@@ -139,6 +139,13 @@ def test_the_page_plays_a_shot_and_its_address_holds_it(engine, tab, tmp_path):
         page.click(f"[data-failure={name}]")
         exact, stepped = page.evaluate("billiards.shots.map(shot => shot.positions)")
         assert np.abs(np.subtract(exact, stepped)).max() > 0.05
+        assert build.FAILURES[name].text in page.inner_text("#message")
+        assert page.evaluate("billiards.time") == 0.0
+    for _ in range(5):  # the balls of the last one overlap before the fifth test
+        page.click("#step")
+    assert page.evaluate("billiards.time") == pytest.approx(0.2)
+    places = np.array(page.evaluate("billiards.shots[1].at(billiards.time)"))
+    assert np.hypot(*(places[1] - places[0])) == pytest.approx(0.039, abs=1e-6)
     page.set_viewport_size({"width": 380, "height": 800})
     page.wait_for_function("() => document.documentElement.scrollWidth <= 380")
     page.set_viewport_size({"width": 1280, "height": 800})
