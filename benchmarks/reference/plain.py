@@ -12,26 +12,24 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.engine import all_pairs
-from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, LANDING, ROLLING_REST, SLIDING_ROLLING, phase_end
+from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, MOTION_ENDS, phase_end
 from billiards_env.engine.pic_events import add_contact
 from billiards_env.engine.predictions import (
     PAIR_RANK,
     NextEvent,
     Singles,
     empty_singles,
-    event_in_air,
-    meeting_time,
     rank_of,
-    rise_between,
     single_time,
 )
 from billiards_env.jit import allocating, kernel
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.contact import IMPULSE_ROUNDING, circle_time, contact_distance, line_time
+from billiards_env.physics.geometry.contact import IMPULSE_ROUNDING, circle_time, line_time
 from billiards_env.physics.geometry.outline_walls import OUTLINE, any_wall_time
 from billiards_env.physics.geometry.pockets import path_to
 from billiards_env.physics.motion import Path, motion_after, path_of
 from billiards_env.physics.state import (
+    AIRBORNE,
     AX,
     AY,
     LASTS,
@@ -41,7 +39,6 @@ from billiards_env.physics.state import (
     SceneKernels,
     Time,
     before,
-    is_airborne,
     later,
     moves,
     own_time,
@@ -110,8 +107,8 @@ def _predict_single(i, state, scene, singles):
     s = state.rows[i]
     end = s[LASTS]
     kind, other = phase_end(phase), -1
-    if is_airborne(scene.flight, phase):
-        end, kind, other = event_in_air(scene.flight, i, state, scene)
+    if phase == AIRBORNE:
+        end, kind, other = scene.space.event_alone(i, state, scene)
     elif phase >= ROLLING:
         path = path_of(state, i)
         t, wall = scene.walls.time(path, scene.radius[i], end, scene)
@@ -131,17 +128,16 @@ def _predict_single(i, state, scene, singles):
 def _predict_pair(i, j, now, state, scene, singles):
     """Predicts the next meeting of balls i < j, of which one moves."""
     for k in (i, j):
-        if singles.hi[k] <= now.hi and singles.kind[k] in (SLIDING_ROLLING, ROLLING_REST, LANDING):
+        if singles.hi[k] <= now.hi and singles.kind[k] in MOTION_ENDS:
             return Time(math.inf, 0.0)
     end = min(singles.hi[i], singles.hi[j]) - now.hi
     xi, yi, vxi, vyi = motion_after(state, i, since(now, own_time(state, i)))
     xj, yj, vxj, vyj = motion_after(state, j, since(now, own_time(state, j)))
     rows = state.rows
     ax, ay = rows[j, AX] - rows[i, AX], rows[j, AY] - rows[i, AY]
-    reach = contact_distance(scene.spheres, scene.radius, i, j)
     noise = IMPULSE_ROUNDING * (norm(vxi, vyi) + norm(vxj, vyj))
     path = Path(xj - xi, yj - yi, vxj - vxi, vyj - vyi, ax, ay)
-    t = meeting_time(rise_between(state.flight, i, j, now, state, scene.numbers), path, reach, end, noise)
+    t = scene.space.meeting_time(i, j, now, path, end, noise, state, scene)
     return later(now, t) if t < math.inf else Time(math.inf, 0.0)
 
 

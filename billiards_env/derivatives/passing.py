@@ -23,7 +23,7 @@ from billiards_env.engine.log import (
     event_time,
 )
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.geometry.contact import contact_distance, sweep
+from billiards_env.physics.geometry.contact import sweep
 from billiards_env.physics.geometry.pockets import path_to
 from billiards_env.physics.geometry.roots import bracketed_root, quartic
 from billiards_env.physics.geometry.walls import Circle, centres_at, is_on_arc, line_side, tip_circle
@@ -151,7 +151,7 @@ def touched_circle(e, over):
     if kind == BALL_BALL:
         second = path_before(e, 1, over)
         between = difference(path, second) if i < other else difference(second, path)
-        return Circle(between, contact_distance(scene.spheres, scene.radius, i, other))
+        return Circle(between, scene.space.contact_distance(i, other, scene))
     if kind == BALL_POCKET:
         return Circle(*path_to(path, scene.pockets[other]))
     x, y, reach = centres_at(other, scene.radius[i], scene.outline)
@@ -219,7 +219,7 @@ def passing(pass_circle: Callable[..., None], pass_side: Callable[..., None], at
             end = since(until, start)
             if end > 0.0 or (end == 0.0 and (at_once or starts)):
                 one, two = path_from(segments[tape.current[low]], start), path_from(segments[tape.current[high]], start)
-                between, reach = difference(one, two), contact_distance(scene.spheres, scene.radius, low, high)
+                between, reach = difference(one, two), scene.space.contact_distance(low, high, scene)
                 circle, span = Circle(between, reach), Span(start, end, event)
                 pass_circle(Meeting(BALL_BALL, low, high), circle, sweep(between, end), span, over)
 

@@ -88,7 +88,7 @@ def most_contacts(scene):
 @allocating
 def empty_scratch(scene, most):
     """Returns the `Scratch` for `most` contacts of the balls of a scene."""
-    return impulses.empty_scratch(len(scene.radius), most, scene.laws.friction, scene.flight)
+    return impulses.empty_scratch(len(scene.radius), most, scene.laws.friction, scene.space.axes())
 
 
 @inlined

@@ -102,10 +102,10 @@ def _ints(n):
 def most_contacts(scene):
     """Returns the largest number of contacts at one instant.
 
-    The contacts of circles form a planar graph, which has fewer than 3 n edges. With flight, a ball touches at most 12
+    The contacts of circles form a planar graph, which has fewer than 3 n edges. In space, a ball touches at most 12
     others of its size, so there are at most 6 n contacts. The rest is room for pairs that `gather` drops.
     """
-    return (6 if scene.flight is None else 12) * len(scene.radius)
+    return 6 * (scene.space.axes() - 1) * len(scene.radius)
 
 
 @allocating

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
 from billiards_env.engine.overlaps import FIXES, TREATMENTS
+from billiards_env.engine.space import space_of
 from billiards_env.physics.geometry.noses import nose_arrays
 from billiards_env.physics.geometry.outline_walls import OUTLINE, outline_arrays
 from billiards_env.physics.geometry.rectangle import RECTANGLE, rectangle_arrays
@@ -213,18 +214,16 @@ def _compiled(scene: Scene, engine: Engine) -> tuple[SceneKernels, tuple[Any, ..
     numbers = _numbers(scene, engine, {})
     half, places = (numbers.half_length, numbers.half_width), table.pocket_places.tolist()
     outline = outline_arrays(table.outline, *half, places) if table.outline else rectangle_arrays(*half, len(places))
-    radius = np.array(scene.balls.radius)
-    sizes = len(set(scene.balls.radius))
     arrays = SceneArrays(
         numbers=numbers,
-        radius=radius,
+        radius=np.array(scene.balls.radius),
         inv_mass=1.0 / np.array(scene.balls.mass),
         pockets=table.pocket_rows,
         outline=outline,
-        spheres=radius if p.flight or (scene.balls.shape == "sphere" and sizes > 1) else None,
-        flight=nose_arrays(outline, scene.balls.radius[0], numbers, table.pocket_rows.tolist()) if p.flight else None,
+        noses=nose_arrays(outline, scene.balls.radius[0], numbers, table.pocket_rows.tolist()) if p.flight else None,
     )
-    kernels = SceneKernels(laws=laws_of(p.ball_ball, p.cushion), walls=OUTLINE if table.outline else RECTANGLE)
+    walls = OUTLINE if table.outline else RECTANGLE
+    kernels = SceneKernels(laws_of(p.ball_ball, p.cushion), walls, space_of(scene))
     return kernels, (np.array([numbers], NUMBERS), *arrays[1 : -len(kernels)])
 
 

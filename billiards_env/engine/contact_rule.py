@@ -17,25 +17,18 @@ limited to the interval from s / 100 to s.
 The rule does not change an impact after which the bodies separate faster without it. An act of the rule adds at most
 m/2 (3/2 A tau)^2 to the energy, where m is the mass of the heavier ball.
 
-**Bodies that carry a ball.** Gravity presses a ball above the cloth against the ball or the nose below it. There the
-rule acts with A = g |n_z| and tau = sqrt(2 h / g), where n is the normal and h is `Numbers.least_hop`, unless A tau is
-smaller than with friction. So the ball slips down the body below it in hops lower than h, which last a few milliseconds
-with the default numbers. An impulse along a vertical normal would leave a ball on top of another one. So if the normal
-of a weak impact is nearer to the vertical than `LEAN`, and the bodies hardly move past each other, the rule pushes them
-aside (see `push_aside`). The impulse itself acts along the true normal, so the bodies separate along the normal of
-which the next impact is predicted.
-
 **Other sequences.** If the intervals between impacts shrink because of masses or restitution, the speeds fall
 geometrically, and the impacts are computed one by one. The rule only ends a long run of impacts at one place and
 instant, as follows. After more than `JAMMED` weak impacts, a light ball between a heavy one and a fixed body is jammed
 (see `resolve_jam`), and a weak impact with a cushion is plastic. All balls of an impact come to rest if one of them has
 had more than `WEDGED` weak impacts or more than `longest_run` impacts of any speed, or if they are slower than `STILL`.
-If one of them is in the air, the impact is plastic instead, since gravity moves the ball on.
 A ball that a spinning ball wedges into a corner has such runs again and again until the spin ends, which may take
 minutes. So after `ENDLESS` weak impacts in a row, balls that are slower than a weak impact come to rest sooner.
 A finite sequence of two balls and a fixed body has fewer impacts than `longest_run`. An elastic ball that fits exactly
 between two fixed bodies has more, so the rule stops it. An elastic ball in a wedge between two cushions has up to
 pi / angle impacts, so the rule may stop it if the angle is less than pi / `longest_run`, which is 0.18 degrees.
+
+`engine.in_space` describes what the rule does to balls above the cloth.
 
 The kernels change velocities, slip and spin; the caller then sets the phase with `motion.begin_phase`.
 """
@@ -48,16 +41,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from billiards_env.jit import allocating, inlined, kernel
-from billiards_env.physics.ball_ball import change_velocity, exchange, exchange_pair, restitution_at
+from billiards_env.physics.ball_ball import change_velocity, exchange_pair, restitution_at
 from billiards_env.physics.ball_cushion import reflect, reflect_both
-from billiards_env.physics.clusters.impulses import UPWARDS, separation_speed
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.noses import nose_normal
 from billiards_env.physics.geometry.walls import wall_pressing
 from billiards_env.physics.laws.cloth import largest_friction, launch
-from billiards_env.physics.laws.cushion import cushion_restitution
-from billiards_env.physics.laws.flight import bounce_in_air
-from billiards_env.physics.state import AIRBORNE, AX, AY, IDEAL, UX, UY, VX, VY, VZ, X, Y, rise_of, scale_rise
+from billiards_env.physics.state import IDEAL, UX, UY, VELOCITY, VX, VY, X, Y, axes_of
 
 CONTACT_TIME = 2e-4
 """s. tau; it is 200 to 300 microseconds for billiard balls (Marlow 1995)."""
@@ -99,11 +88,6 @@ def weak_speed(motion: int, slide: float, roll: float) -> float:
     return CONTACT_TIME * 2.0 * largest_friction(motion, slide, roll)  # of two balls
 
 
-LEAN = 1e-3
-"""The rule pushes a ball aside if the horizontal part of the unit normal is smaller than this. The speed of the push is
-this share of `Limits.speed`. A ball thus leaves the top of another one in less than 1 s."""
-
-
 class Memory(NamedTuple):
     """The recent impacts of n balls, as counted by the contact-time rule.
 
@@ -143,91 +127,6 @@ class Limits(NamedTuple):
 
     speed: Any
     tau: Any
-
-
-@inlined
-def limits_of(flight, contacts, c, numbers):
-    """Returns the `Limits` at contact c; `flight` is `SceneArrays.flight`."""
-    if flight is None:
-        return Limits(numbers.weak_speed, numbers.tau)
-    return limits_in_space(contacts.normal[c, UPWARDS], numbers)
-
-
-@inlined
-def limits_in_space(nz, numbers):
-    """Returns the `Limits` at a contact in space; nz is the vertical part of its unit normal."""
-    tau = math.sqrt(2.0 * numbers.least_hop / numbers.g)
-    speed = abs(nz) * numbers.g * tau
-    if speed > numbers.weak_speed:
-        return Limits(speed, tau)
-    return Limits(numbers.weak_speed, numbers.tau)
-
-
-@inlined
-def _push_at(n, wx, wy, speed):
-    """Returns the relative speed at which the rule pushes two bodies aside after a weak impact, m/s; 0 if it does not.
-
-    Args:
-        n: The unit normal.
-        wx: Horizontal velocity of one body relative to the other along x, m/s.
-        wy: The same along y.
-        speed: `Limits.speed`.
-    """
-    push = LEAN * speed
-    return push if norm(n[X], n[Y]) < LEAN and norm(wx, wy) < push else 0.0
-
-
-@inlined
-def _ahead(n, place):
-    """Returns the horizontal unit vector along the unit normal n from a ball at `place`, (x, y).
-
-    If n is exactly vertical, the upper body moves towards the middle of the table, or along x if it is at the middle.
-    """
-    x, y, side = n[X], n[Y], math.copysign(1.0, n[UPWARDS])
-    if x == 0.0 and y == 0.0:
-        x, y = -side * place[X], -side * place[Y]
-    if x == 0.0 and y == 0.0:
-        x = side
-    return x / norm(x, y), y / norm(x, y)
-
-
-@inlined
-def push_aside(flight, count, contacts, state, scene):  # out: contacts, state
-    """Pushes aside balls that meet in a weak impact and are almost exactly above one another.
-
-    With PIT, the limit of a weak impact is higher by the speed that a ball gains in a fall of two timesteps. The
-    function is called after the impulses of the impacts, and sets `Contacts.rebound` to zero. The result does not
-    depend on the order of the contacts, because each ball has at most one such contact above it, and one below.
-
-    Args:
-        flight: `SceneArrays.flight`.
-        count: Number of contacts.
-        contacts: The `Contacts`.
-        state: The `State`.
-        scene: The `SceneArrays`.
-
-    Returns:
-        The number of contacts at which it acts.
-    """
-    if flight is None:
-        return 0
-    acts, numbers, rebound = 0, scene.numbers, contacts.rebound
-    for c in range(count):
-        n, speed = contacts.normal[c], limits_in_space(contacts.normal[c, UPWARDS], numbers).speed
-        a, b = state.rows[contacts.first[c]], state.rows[contacts.second[c]]
-        rebound[c] = 0.0
-        if contacts.closing[c] <= speed + 2.0 * numbers.g * numbers.dt:
-            rebound[c] = _push_at(n, b[VX] - a[VX], b[VY] - a[VY], speed)
-            acts += rebound[c] > 0.0
-    for upper in (False, True):
-        for c in range(count):
-            i, j, n = contacts.first[c], contacts.second[c], contacts.normal[c]
-            if rebound[c] > 0.0:
-                x, y = _ahead(n, state.rows[i])
-                ball, half = (i, -0.5 * rebound[c]) if upper == (n[UPWARDS] < 0.0) else (j, 0.5 * rebound[c])
-                change_velocity(state, ball, half * x, half * y, numbers)
-    rebound[:count] = 0.0
-    return acts
 
 
 @inlined
@@ -275,8 +174,9 @@ def is_over(i, j, state, numbers, memory):
         return True
     if min(run[i], run[j]) < 2:
         return False
-    speed = max(abs(rows[i, VX]), abs(rows[i, VY]), abs(rows[j, VX]), abs(rows[j, VY]))
-    speed = max(speed, abs(rise_of(state.flight, rows[i])), abs(rise_of(state.flight, rows[j])))
+    speed = 0.0
+    for axis in range(axes_of(state)):
+        speed = max(speed, abs(rows[i, VELOCITY[axis]]), abs(rows[j, VELOCITY[axis]]))
     endless = max(weak[i], weak[j]) > ENDLESS and min(run[i], run[j]) > PRESSED
     return speed < STILL or (endless and speed <= numbers.weak_speed)
 
@@ -305,29 +205,9 @@ def count_ordinary(i, time, memory):  # out: memory
 @kernel
 def halt(state, i):  # out: state
     """Brings ball i to rest without a change of its spin about the vertical axis."""
-    for c in (VX, VY, UX, UY):
-        state.rows[i, c] = 0.0
-    scale_rise(state.flight, state.rows[i], 0.0)
-
-
-@inlined
-def pressing(flight, contacts, c, state, scene):
-    """Returns the acceleration of the balls of contact c towards each other, m/s^2.
-
-    `flight` is `SceneArrays.flight`.
-    """
-    i, j, nx, ny = contacts.first[c], contacts.second[c], contacts.normal[c, X], contacts.normal[c, Y]
-    a, b = state.rows[i], state.rows[j]
-    if flight is None:
-        around = ny * (b[VX] - a[VX]) - nx * (b[VY] - a[VY])
-        distance = norm(b[X] - a[X], b[Y] - a[Y])
-        return -(nx * (b[AX] - a[AX]) + ny * (b[AY] - a[AY])) - around * around / distance
-    nz, wx, wy, wz = contacts.normal[c, UPWARDS], b[VX] - a[VX], b[VY] - a[VY], b[VZ] - a[VZ]
-    along = nx * wx + ny * wy + nz * wz
-    around = max(wx * wx + wy * wy + wz * wz - along * along, 0.0)
-    falls = (state.phase[i] == AIRBORNE) * scene.numbers.g - (state.phase[j] == AIRBORNE) * scene.numbers.g
-    towards = -(nx * (b[AX] - a[AX]) + ny * (b[AY] - a[AY]) + nz * falls)
-    return towards - around / (scene.radius[i] + scene.radius[j])
+    for axis in range(axes_of(state)):
+        state.rows[i, VELOCITY[axis]] = 0.0
+    state.rows[i, UX] = state.rows[i, UY] = 0.0
 
 
 @kernel
@@ -341,8 +221,6 @@ def resolve_jam(contacts, state, scene, memory):  # out: state
     changes the velocity of the moved ball by no more than its rounding, and the speed of approach and the jammed ball's
     speed along the normal are at most 2^-24 of the moved ball's speed. Other weak impacts are plastic.
     """
-    if contacts.normal.shape[1] > UPWARDS and contacts.normal[0, UPWARDS] != 0.0:
-        return False
     i, j, closing, rebound = contacts.first[0], contacts.second[0], contacts.closing[0], contacts.rebound[0]
     rows, numbers, inv_mass = state.rows, scene.numbers, scene.inv_mass
     run, weak = memory.run, memory.weak
@@ -428,28 +306,6 @@ def hit_cushion(contact, time, state, scene, memory):  # out: state, memory
     return _hit_cushion_again(contact, time, state, scene, memory)
 
 
-@inlined
-def hit_nose(i, wall, state, scene):  # out: state
-    """Changes the motion of ball i, which is in the air, by its impact on the nose of a cushion.
-
-    After a weak impact the ball leaves the nose at A tau / 2 or faster. So there is no infinite sequence of bounces.
-
-    Returns:
-        The speed of approach, m/s, and the number of acts of the rule.
-    """
-    row, numbers, radius = state.rows[i], scene.numbers, scene.radius[i]
-    n = nose_normal(row, wall, scene.flight)
-    limits, speed = limits_in_space(n[2], numbers), max(n[0] * row[VX] + n[1] * row[VY] + n[2] * row[VZ], 0.0)
-    after, rebound = cushion_restitution(speed, numbers) * speed, 0.5 * limits.speed
-    if speed > limits.speed or after >= rebound:
-        bounce_in_air(row, n, speed + after, numbers.mu_cushion, radius)
-        return speed, 0
-    bounce_in_air(row, n, speed + rebound, numbers.mu_cushion, radius)
-    push, (x, y) = _push_at(n, row[VX], row[VY], limits.speed), _ahead(n, (row[X], row[Y]))
-    change_velocity(state, i, -push * x, -push * y, numbers)
-    return speed, 1
-
-
 @kernel
 def hit_corner(one, two, time, state, scene, memory):  # out: state, memory
     """Changes the motion of a ball at two cushions, as `hit_cushion` does; both are `CushionContact`s of the ball.
@@ -475,31 +331,12 @@ def hit_corner(one, two, time, state, scene, memory):  # out: state, memory
     return 1 if reflect_both(state, i, (one.nx, one.ny), (two.nx, two.ny), rebounds, scene) else 0
 
 
-@inlined
-def _exact_closing(flight, contacts, c, state):
-    """Returns the speed of approach at contact c, m/s; in scenes with flight it is rounded only once."""
-    if flight is None:
-        return contacts.closing[c]
-    return max(-separation_speed(contacts, c, state)[0], 0.0)
-
-
-@inlined
-def _is_in_air(flight, count, contacts, state):
-    """Returns whether a ball of the first `count` contacts is in the air; `flight` is `SceneArrays.flight`."""
-    if flight is None:
-        return False
-    for c in range(count):
-        if state.phase[contacts.first[c]] == AIRBORNE or state.phase[contacts.second[c]] == AIRBORNE:
-            return True
-    return False
-
-
 @kernel
 def _collide_again(count, time, contacts, state, scene, scratch, memory):  # out: contacts, state, scratch, memory
     """Implements `collide` for impacts that are not one ordinary impact."""
     first, second, closing, numbers = contacts.first, contacts.second, contacts.closing, scene.numbers
     for c in range(count):  # before any impact is counted, so that the order of the contacts does not matter
-        limits = limits_of(scene.flight, contacts, c, numbers)
+        limits = scene.space.limits(c, contacts, numbers)
         end_runs(first[c], time, closing[c], limits.speed, numbers, memory)
         end_runs(second[c], time, closing[c], limits.speed, numbers, memory)
     for c in range(count):
@@ -509,21 +346,13 @@ def _collide_again(count, time, contacts, state, scene, scratch, memory):  # out
     for c in range(count):
         i, j = first[c], second[c]
         over = over or is_over(i, j, state, numbers, memory)
-        limits = limits_of(scene.flight, contacts, c, numbers)
-        if closing[c] <= limits.speed:
-            closing[c] = _exact_closing(scene.flight, contacts, c, state)
-        towards = pressing(scene.flight, contacts, c, state, scene)
+        limits = scene.space.limits(c, contacts, numbers)
+        closing[c], towards = scene.space.pressing(c, contacts, state, scene)
         contacts.rebound[c] = least_rebound(closing[c], towards, min(memory.weak[i], memory.weak[j]), limits, numbers)
-    if over and not _is_in_air(scene.flight, count, contacts, state):
-        for c in range(count):
-            halt(state, first[c])
-            halt(state, second[c])
-        return 1
-    if count == 1 and resolve_jam(contacts, state, scene, memory):
+    if scene.space.stop(over, count, contacts, state, scene, memory):
         return 1
     e = 0.0 if over else restitution_at(count, contacts, scene)
-    acts = exchange(e, count, contacts, state, scene, scratch)
-    return acts + push_aside(scene.flight, count, contacts, state, scene)
+    return scene.space.exchange(e, count, contacts, state, scene, scratch)
 
 
 @inlined
@@ -543,7 +372,7 @@ def collide(count, time, contacts, state, scene, scratch, memory):  # out: conta
         The number of acts of the rule.
     """
     i, j, speed = contacts.first[0], contacts.second[0], contacts.closing[0]
-    numbers, acts, weak = scene.numbers, 0, limits_of(scene.flight, contacts, 0, scene.numbers).speed
+    numbers, acts, weak = scene.numbers, 0, scene.space.limits(0, contacts, scene.numbers).speed
     ordinary = is_ordinary(i, time, speed, weak, numbers, memory) and is_ordinary(j, time, speed, weak, numbers, memory)
     if count == 1 and ordinary:
         count_ordinary(i, time, memory)

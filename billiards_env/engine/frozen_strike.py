@@ -20,16 +20,15 @@ from typing import Any
 import numpy as np
 
 from billiards_env.engine.compile import scene_kernels
-from billiards_env.engine.shots import HEIGHT, Starts, load_balls, store
+from billiards_env.engine.shots import Starts, load_balls, store
 from billiards_env.jit import allocating, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch, set_normal
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.contact import contact_distance
-from billiards_env.physics.state import UX, UY, VX, VY, WZ, X, Y, empty_state, scale_rise, scene_of
+from billiards_env.physics.state import UX, UY, VELOCITY, VX, VY, WZ, X, Y, axes_of, empty_state, scene_of
 from billiards_env.physics.strike import CueNumbers, cue_numbers, impulse_gain
-from billiards_env.scene import CONTACT_GAP, Scene
+from billiards_env.scene import Scene
 
 LEFT = 0.0069
 """Share of the speed of approach that remains for the impact after the strike. With `e_ball` 0.95 the cue ball then has
@@ -58,35 +57,12 @@ def strike_frozen(scene: Scene, fields: tuple[Any, ...], starts: tuple[Any, ...]
 
 
 @inlined
-def _is_above(heights, k, i):
-    """Returns whether ball i begins above the cloth; `heights` is `Shots.heights`."""
-    if heights is None:
-        return False
-    return heights[k, i, HEIGHT] > 0.0
-
-
-@inlined
-def _normal(k, i, j, scene, starts):
-    """Returns the horizontal unit vector from ball i to ball j; zeros if they do not touch or are above the cloth."""
-    if not (starts.in_play[k, i] and starts.in_play[k, j]):
-        return 0.0, 0.0
-    if _is_above(starts.heights, k, i) or _is_above(starts.heights, k, j):
-        return 0.0, 0.0
-    dx = starts.positions[k, j, X] - starts.positions[k, i, X]
-    dy = starts.positions[k, j, Y] - starts.positions[k, i, Y]
-    distance = norm(dx, dy)
-    if distance - contact_distance(scene.spheres, scene.radius, i, j) > CONTACT_GAP:
-        return 0.0, 0.0
-    return dx / distance, dy / distance
-
-
-@inlined
 def _drives(k, ball, scene, starts):
     """Returns whether the ball moves towards a ball that it touches."""
     vx, vy = starts.velocities[k, ball, X], starts.velocities[k, ball, Y]
     for j in range(len(scene.radius)):
         if j != ball:
-            nx, ny = _normal(k, ball, j, scene, starts)
+            nx, ny = scene.space.frozen_normal(k, ball, j, scene, starts)
             if nx * vx + ny * vy > 0.0:
                 return True
     return False
@@ -117,7 +93,7 @@ def _gather(k, scene, starts, state, contacts):  # out: contacts
     count, n = 0, len(scene.radius)
     for i in range(n):
         for j in range(i + 1, n):
-            nx, ny = _normal(k, i, j, scene, starts)
+            nx, ny = scene.space.frozen_normal(k, i, j, scene, starts)
             if nx == 0.0 and ny == 0.0:
                 continue
             a, b = state.rows[i], state.rows[j]
@@ -141,8 +117,9 @@ def _drive_balls(kernels, begin, end, ball, cue, scene, starts):  # out: starts
     cue, starts, arrays = CueNumbers(*cue), Starts(*starts), scene_of(kernels, scene, 0)
     n = len(arrays.radius)
     most = n * (n - 1) // 2
-    state, contacts = empty_state(n, arrays.flight), empty_contacts(most, arrays.flight)
-    scratch = empty_scratch(n, most, arrays.laws.friction, arrays.flight)
+    axes = arrays.space.axes()
+    state, contacts = empty_state(n, axes), empty_contacts(most, axes)
+    scratch = empty_scratch(n, most, arrays.laws.friction, axes)
     for k in range(begin, end):
         if interrupted():
             return True
@@ -164,8 +141,9 @@ def _drive_balls(kernels, begin, end, ball, cue, scene, starts):  # out: starts
         push = max(share * (1.0 + spin) - spin, 0.0)
         factor = impulse_gain(cue, spin, push) / impulse_gain(cue, spin, 1.0)
         for i in range(n):
-            for c in (VX, VY, UX, UY, WZ):
+            for axis in range(axes_of(state)):
+                state.rows[i, VELOCITY[axis]] *= factor
+            for c in (UX, UY, WZ):
                 state.rows[i, c] *= factor
-            scale_rise(arrays.flight, state.rows[i], factor)
         store(k, starts, arrays, state)
     return False

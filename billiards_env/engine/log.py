@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.state import AIRBORNE, FLIGHT_WIDTH, ROLLING, SLIDING, T0, T0_LO, VX, VY, WIDTH, Time, X, Y
+from billiards_env.physics.state import FLIGHT_WIDTH, ROLLING, SLIDING, T0, T0_LO, VX, VY, WIDTH, Time, X, Y
 
 KINDS = ("ball_ball", "cushion", "pocket", "sliding_rolling", "rolling_rest", "spinning_rest", "rolling_slower")
 KINDS += ("landing", "off_table")
 """Names of the kinds of events."""
 BALL_BALL, BALL_CUSHION, BALL_POCKET, SLIDING_ROLLING, ROLLING_REST, SPINNING_REST, ROLLING_SLOWER = range(7)
 LANDING, OFF_TABLE = 7, 8
+MOTION_ENDS = (SLIDING_ROLLING, ROLLING_REST, LANDING)
+"""The kinds of events at the end of a phase in which the centre of the ball moves."""
 
 # Columns of `Log.events`.
 TIME, TIME_LO, KIND, BALL, OTHER, EVENT_X, EVENT_Y, SPEED, RULE = 0, 1, 2, 3, 4, 5, 6, 7, 8
@@ -158,9 +160,7 @@ def begin_time(segment):
 
 @inlined
 def phase_end(phase):
-    """Returns the kind of event that ends a phase."""
-    if phase == AIRBORNE:
-        return LANDING
+    """Returns the kind of event that ends a phase on the cloth."""
     return SLIDING_ROLLING if phase == SLIDING else (ROLLING_REST if phase == ROLLING else SPINNING_REST)
 
 

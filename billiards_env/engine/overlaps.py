@@ -15,16 +15,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.clusters.impulses import UPWARDS, set_normal, sum_impulses
+from billiards_env.physics.clusters.impulses import set_normal, sum_impulses
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.walls import overlap_time
 from billiards_env.physics.motion import Path, begin_phase, move
-from billiards_env.physics.state import LASTS, VX, VY, X, Y, Z
+from billiards_env.physics.state import LASTS, VX, VY, X, Y
 from billiards_env.scene import CONTACT_GAP
-
-UP, UP_SPEED = 4, 5
-"""Columns of `pit.PitWorkspace.here`, only with flight: the height, m, and the vertical velocity, m/s."""
 
 _PUSHES = 1000
 """Largest number of moves of a ball at rest; in an acute corner it goes to one cushion and the other in turn."""
@@ -81,7 +77,8 @@ class Fix(NamedTuple):
 
 
 @inlined
-def _place(i, x, y, work):  # out: work
+def place(i, x, y, work):  # out: work
+    """Moves ball i to a position at the end of the step, m."""
     work.here[i, X], work.here[i, Y] = x, y
     work.state.rows[i, X], work.state.rows[i, Y] = x, y
 
@@ -117,13 +114,13 @@ def _find_times(count, scene, work):  # out: work
 
     The paths are straight. Of several contacts of a ball the earliest counts. `back` of all other balls is 0.
     """
-    contacts, here, back, radius = work.contacts, work.here, work.back, scene.radius
+    contacts, here, back = work.contacts, work.here, work.back
     back[:] = 0.0
     for c in range(count):
         i, j = contacts.first[c], contacts.second[c]
         dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
         wx, wy = here[j, VX] - here[i, VX], here[j, VY] - here[i, VY]
-        reach = contact_distance(scene.spheres, radius, i, j)
+        reach = scene.space.contact_distance(i, j, scene)
         ww, dw = wx * wx + wy * wy, dx * wx + dy * wy
         if ww > 0.0:  # |d - w t| = reach
             t = (dw + math.sqrt(max(0.0, dw * dw + ww * (reach * reach - (dx * dx + dy * dy))))) / ww
@@ -135,7 +132,7 @@ def _find_times(count, scene, work):  # out: work
 def _step_back(i, scene, work):  # out: work
     """Moves ball i back along its straight path by its `back`."""
     here, t = work.here, work.back[i]
-    _place(i, here[i, X] - t * here[i, VX], here[i, Y] - t * here[i, VY], work)
+    place(i, here[i, X] - t * here[i, VX], here[i, Y] - t * here[i, VY], work)
 
 
 @kernel
@@ -147,7 +144,7 @@ def _touching(count, scene, work):  # out: work
         i, j = contacts.first[c], contacts.second[c]
         dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
         distance = norm(dx, dy)
-        if distance > contact_distance(scene.spheres, scene.radius, i, j) + CONTACT_GAP:
+        if distance > scene.space.contact_distance(i, j, scene) + CONTACT_GAP:
             continue
         nx, ny = contacts.normal[c, X], contacts.normal[c, Y]
         if distance > 0.0:
@@ -155,7 +152,7 @@ def _touching(count, scene, work):  # out: work
         closing = -(nx * (here[j, VX] - here[i, VX]) + ny * (here[j, VY] - here[i, VY]))
         if closing >= 0.0:
             contacts.first[left], contacts.second[left], contacts.closing[left] = i, j, closing
-            set_normal(contacts, left, (nx, ny, 0.0))
+            set_normal(contacts, left, (nx, ny))
             left += 1
     return left
 
@@ -236,23 +233,6 @@ def _going_back(go_back: Callable[..., None]) -> tuple[Any, Any]:
     return to_balls, to_cushion
 
 
-@inlined
-def distance_between(flight, i, j, here):
-    """Returns the distance of the centres of balls i and j, m; `flight` is `SceneArrays.flight`."""
-    across = norm(here[j, X] - here[i, X], here[j, Y] - here[i, Y])
-    if flight is None:
-        return across
-    return norm(across, here[j, UP] - here[i, UP])
-
-
-@inlined
-def _raise(flight, i, shift, work):  # out: work
-    """Moves ball i up or down, not below its height on the cloth; `flight` is `SceneArrays.flight`."""
-    if flight is None:
-        return
-    work.here[i, UP] = work.state.rows[i, Z] = max(work.here[i, UP] + shift[i, UPWARDS], 0.0)
-
-
 @kernel
 def _push_apart(count, scene, work):  # out: work
     """Moves the balls of `count` contacts apart along their lines of centres until each pair touches."""
@@ -260,15 +240,13 @@ def _push_apart(count, scene, work):  # out: work
     shift, done, overlap, scale = scratch.dv, scratch.done, scratch.descent[0], scratch.descent[1]
     for c in range(count):
         i, j = contacts.first[c], contacts.second[c]
-        distance = distance_between(scene.flight, i, j, here)
-        overlap[c] = contact_distance(scene.spheres, scene.radius, i, j) - distance
+        overlap[c] = scene.space.contact_distance(i, j, scene) - scene.space.distance(i, j, here)
         scale[c] = 1.0 / (inv_mass[i] + inv_mass[j])
     sum_impulses(count, contacts, overlap, scale, inv_mass, shift, done)
     for c in range(count):
         for i in (contacts.first[c], contacts.second[c]):
             if done[i]:
-                _place(i, here[i, X] + shift[i, X], here[i, Y] + shift[i, Y], work)
-                _raise(scene.flight, i, shift, work)
+                scene.space.shift(i, shift[i], work)
                 done[i] = False
     return True
 
@@ -277,7 +255,7 @@ def _push_apart(count, scene, work):  # out: work
 def _push_inside(i, wall, beyond, bounce, scene, work):  # out: work
     """Moves ball i to the nearest position at which it touches the cushion."""
     x, y = scene.walls.back_to(work.here[i, X], work.here[i, Y], scene.radius[i], wall, scene)
-    _place(i, x, y, work)
+    place(i, x, y, work)
     return bounce
 
 
@@ -290,7 +268,7 @@ def _bring_back(i, scene, work):  # out: work
         if wall < 0:
             return push > 0
         x, y = scene.walls.back_to(here[i, X], here[i, Y], radius, wall, scene)
-        _place(i, x, y, work)
+        place(i, x, y, work)
     return True
 
 
@@ -300,7 +278,7 @@ def _push_along(i, wall, n, m, scene, work):  # out: work
     x, y = work.here[i, X], work.here[i, Y]
     beyond, _, _ = scene.walls.overlap(x, y, scene.radius[i], wall, scene)
     way = max(0.0, beyond) / (n[0] * m[1] - n[1] * m[0])
-    _place(i, x + way * n[1], y - way * n[0], work)
+    place(i, x + way * n[1], y - way * n[0], work)
 
 
 _touch_balls, _touch_cushion = _going_back(_step_back)

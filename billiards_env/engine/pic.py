@@ -28,7 +28,6 @@ from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, end_at
 from billiards_env.jit import allocating, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_contacts
-from billiards_env.physics.motion import begin_phase
 from billiards_env.physics.state import SceneKernels, State, Time, empty_state, scene_of
 
 CLUSTER_WORK = 100
@@ -79,10 +78,10 @@ def make_workspace(scene, kernels):
     """Returns the `PicWorkspace` for the balls of a scene and a queue."""
     n, most = len(scene.radius), kernels.most_contacts(scene)
     return PicWorkspace(
-        state=empty_state(n, scene.flight),
+        state=empty_state(n, scene.space.axes()),
         kernels=kernels,
         queue=kernels.empty_queue(scene),
-        contacts=empty_contacts(most, scene.flight),
+        contacts=empty_contacts(most, scene.space.axes()),
         scratch=kernels.empty_scratch(scene, most),
         memory=empty_memory(n),
         due=np.empty(n, np.int64),
@@ -104,7 +103,7 @@ def begin_shot(state, memory, changed, log):  # out: memory, changed, log
 def begin_phases(count, changed, state, scene, log):  # out: state, log
     """Begins and records the next phase of the first `count` balls of `changed`."""
     for c in range(count):
-        begin_phase(state, changed[c], scene.numbers)
+        scene.space.begin_phase(state, changed[c], scene.numbers)
         log_segment(log, state, changed[c])
 
 

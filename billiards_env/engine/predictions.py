@@ -15,38 +15,24 @@ import numpy as np
 from billiards_env.engine.log import (
     BALL_CUSHION,
     BALL_POCKET,
-    LANDING,
+    MOTION_ENDS,
     OFF_TABLE,
-    ROLLING_REST,
-    SLIDING_ROLLING,
-    phase_end,
 )
-from billiards_env.jit import allocating, inlined, kernel
+from billiards_env.jit import allocating, inlined
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import (
     IMPULSE_ROUNDING,
     MARGIN,
     TINY,
-    circle_time,
-    contact_distance,
-    sphere_time,
 )
-from billiards_env.physics.geometry.noses import edge_time, falls_back, is_beyond_noses, nose_time, pocket_below
-from billiards_env.physics.geometry.pockets import path_to, pocket_exit, pockets_near
-from billiards_env.physics.motion import Path, height_of, motion_after, path_of, place_after
+from billiards_env.physics.motion import Path, motion_after
 from billiards_env.physics.state import (
-    AIRBORNE,
     AX,
     AY,
-    LASTS,
     POTTED,
     REST,
-    ROLLING,
-    VZ,
     Time,
-    Z,
     before,
-    is_airborne,
     later,
     moves,
     own_time,
@@ -160,72 +146,13 @@ def next_event(meeting, singles):
 def predict_single(i, state, scene, singles):  # out: singles
     """Predicts the next event of ball i alone, from its own time on."""
     singles.hi[i], singles.lo[i] = math.inf, 0.0
-    phase = state.phase[i]
-    if phase in (REST, POTTED):
+    if state.phase[i] in (REST, POTTED):
         return
-    end = state.rows[i, LASTS]
-    kind, other = phase_end(phase), -1
-    if is_airborne(scene.flight, phase):
-        end, kind, other = event_in_air(scene.flight, i, state, scene)
-    elif phase >= ROLLING:
-        path = path_of(state, i)
-        t, wall = scene.walls.time(path, scene.radius[i], end, scene)
-        if t < math.inf:
-            end, kind, other = t, BALL_CUSHION, wall
-        first, last = pockets_near(path, end, scene.pockets)
-        for k in range(first, last + 1):
-            from_pocket, reach = path_to(path, scene.pockets[k])
-            t = circle_time(from_pocket, reach, end, 0.0)
-            if t < end or (t == end and kind != BALL_POCKET and t < math.inf):
-                end, kind, other = t, BALL_POCKET, k
+    end, kind, other = scene.space.event_alone(i, state, scene)
     if end < math.inf:
         time = later(own_time(state, i), end)
         singles.hi[i], singles.lo[i] = time.hi, time.lo
         singles.kind[i], singles.other[i] = kind, other
-
-
-@inlined
-def end_in_air(i, state, scene):
-    """Returns how the flight of ball i ends if the ball hits nothing in the air.
-
-    A ball is potted if it lands in a pocket, or in the mouth of one, farther out than a ball on the cloth can be. If
-    its centre passes over the line of the noses inside a pocket, it hits the back of the pocket and is potted, if the
-    centre leaves the pocket lower than 2/5 of a radius above its height on the cloth (the rule of the simulator
-    pooltool). Every other ball whose centre passes over a nose is driven off the table.
-
-    Returns:
-        The time, s after the ball's own, the kind of event, and the pocket, or the cushion whose nose the centre passes
-        over, or -1.
-    """
-    flight, path, end, radius = scene.flight, path_of(state, i), state.rows[i, LASTS], scene.radius[i]
-    (last, other), kind = edge_time(path, end, flight), OFF_TABLE
-    if last >= end:
-        last, other = end, pocket_below(*place_after(path, end), radius, scene)
-        kind = LANDING if other < 0 else BALL_POCKET
-    first_pocket, last_pocket = pockets_near(path, last, scene.pockets)
-    for k in range(first_pocket, last_pocket + 1):
-        t = pocket_exit(path, scene.pockets[k])
-        if t < last and is_beyond_noses(*place_after(path, t), scene):
-            last, kind, other = t, OFF_TABLE, -1
-            if falls_back(height_of(flight, state, i, t, scene.numbers)[0], radius):
-                kind, other = BALL_POCKET, k
-    return last, kind, other
-
-
-@kernel
-def event_in_air(flight, i, state, scene):
-    """Returns the next event of ball i alone, which is in the air; the result is that of `end_in_air`."""
-    if flight is None:
-        return math.inf, LANDING, -1
-    last, kind, other = end_in_air(i, state, scene)
-    if kind == OFF_TABLE:
-        other = -1
-    path, rise = path_of(state, i), (state.rows[i, Z], state.rows[i, VZ])
-    noise = IMPULSE_ROUNDING * norm(norm(path.vx, path.vy), rise[1])
-    t, wall = nose_time(path, rise, scene.radius[i], last, noise, flight, scene.numbers.g)
-    if t <= last:
-        last, kind, other = t, BALL_CUSHION, wall
-    return last, kind, other
 
 
 @inlined
@@ -280,44 +207,15 @@ def predict_pair(i, j, state, scene, singles):
         now = own_time(state, j)
     # This prediction is valid only until the phase of either ball ends, so not at all if a phase ends now.
     for k in (i, j):
-        if singles.hi[k] <= now.hi and singles.kind[k] in (SLIDING_ROLLING, ROLLING_REST, LANDING):
+        if singles.hi[k] <= now.hi and singles.kind[k] in MOTION_ENDS:
             return Time(math.inf, 0.0)
     end = min(singles.hi[i], singles.hi[j]) - now.hi
     xi, yi, vxi, vyi = motion_after(state, i, since(now, own_time(state, i)))
     xj, yj, vxj, vyj = motion_after(state, j, since(now, own_time(state, j)))
     rows = state.rows
     path = Path(xj - xi, yj - yi, vxj - vxi, vyj - vyi, rows[j, AX] - rows[i, AX], rows[j, AY] - rows[i, AY])
-    reach = contact_distance(scene.spheres, scene.radius, i, j)
-    if meeting_bound(path, reach, end) == math.inf:
+    if meeting_bound(path, scene.space.contact_distance(i, j, scene), end) == math.inf:
         return Time(math.inf, 0.0)
     noise = IMPULSE_ROUNDING * (norm(vxi, vyi) + norm(vxj, vyj))
-    rise = rise_between(state.flight, i, j, now, state, scene.numbers)
-    t = meeting_time(rise, path, reach, end, noise)
+    t = scene.space.meeting_time(i, j, now, path, end, noise, state, scene)
     return later(now, t) if t < math.inf else Time(math.inf, 0.0)
-
-
-@inlined
-def rise_between(flight, i, j, now, state, numbers):
-    """Returns how ball j rises relative to ball i from a `Time` on, or None without flight.
-
-    Returns:
-        The relative height z + v t + a t^2 / 2 as (z, v, a), and the sum of the vertical speeds, m/s.
-    """
-    if flight is None:
-        return None
-    zi, vzi = height_of(flight, state, i, since(now, own_time(state, i)), numbers)
-    zj, vzj = height_of(flight, state, j, since(now, own_time(state, j)), numbers)
-    falls_i = numbers.g if state.phase[i] == AIRBORNE else 0.0
-    falls_j = numbers.g if state.phase[j] == AIRBORNE else 0.0
-    return (zj - zi, vzj - vzi, falls_i - falls_j), abs(vzi) + abs(vzj)
-
-
-@inlined
-def meeting_time(rise, path, reach, end, noise):
-    """Returns the time at which two balls meet; `rise` is the result of `rise_between`, the rest as `circle_time`."""
-    if rise is None:
-        return circle_time(path, reach, end, noise)
-    relative, speeds = rise
-    if relative == (0.0, 0.0, 0.0):
-        return circle_time(path, reach, end, noise)
-    return sphere_time(path, relative, reach, end, noise + IMPULSE_ROUNDING * speeds)

@@ -18,7 +18,6 @@ from billiards_env.engine.shots import Shots, start_fields
 from billiards_env.engine.threads import parallel_for
 from billiards_env.jit import allocating, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
-from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.noses import is_free
 from billiards_env.physics.geometry.pockets import pocket_at
 from billiards_env.physics.scatter import Scatter
@@ -107,7 +106,7 @@ def _is_valid_alone(i, place, velocity, spin, in_play, scene):
 def _overlap(i, j, places, scene):
     """Returns whether balls i and j at `places`, (n, 2), may overlap."""
     dx, dy = places[i, X] - places[j, X], places[i, Y] - places[j, Y]
-    reach = contact_distance(scene.spheres, scene.radius, i, j) - CONTACT_GAP
+    reach = scene.space.contact_distance(i, j, scene) - CONTACT_GAP
     return dx * dx + dy * dy < _CLOSE * (reach * reach)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from billiards_env.engine.log import log_event
 from billiards_env.jit import inlined
 from billiards_env.physics.geometry.pockets import centre_of
-from billiards_env.physics.motion import advance, capture
+from billiards_env.physics.motion import capture
 from billiards_env.physics.state import (
     CUE_BALL,
     POTTED,
@@ -25,11 +25,9 @@ from billiards_env.physics.state import (
     UY,
     VX,
     VY,
-    VZ,
     WZ,
     X,
     Y,
-    Z,
 )
 
 STATUS = ("rest", "max_time", "event_limit", "step_limit")
@@ -152,20 +150,11 @@ def load_balls(k, shots, scene, state):  # out: state
             state.phase[i] = POTTED
             continue
         state.phase[i] = REST
-        s[VX], s[VY] = shots.velocities[k, i, X], shots.velocities[k, i, Y]
+        scene.space.load(k, i, shots, s)
         if slips:
             s[UX] = s[VX] - scene.radius[i] * shots.spins[k, i, SPIN_Y]
             s[UY] = s[VY] + scene.radius[i] * shots.spins[k, i, SPIN_X]
             s[WZ] = shots.spins[k, i, SPIN_Z]
-        _load_height(shots.heights, k, i, s)
-
-
-@inlined
-def _load_height(heights, k, i, row):  # out: row
-    """Copies the height and the vertical velocity of ball i to its row of the `State`."""
-    if heights is None:
-        return
-    row[Z], row[VZ] = heights[k, i, HEIGHT], heights[k, i, RISING]
 
 
 @inlined
@@ -186,21 +175,12 @@ def store(k, shots, scene, state):  # out: shots
     for i in range(len(state.phase)):
         s = state.rows[i]
         shots.positions[k, i, X], shots.positions[k, i, Y] = s[X], s[Y]
-        shots.velocities[k, i, X], shots.velocities[k, i, Y] = s[VX], s[VY]
+        scene.space.store(k, i, s, shots)
         shots.in_play[k, i] = state.phase[i] != POTTED
         if slips:
             shots.spins[k, i, SPIN_X] = (s[UY] - s[VY]) / scene.radius[i]
             shots.spins[k, i, SPIN_Y] = (s[VX] - s[UX]) / scene.radius[i]
             shots.spins[k, i, SPIN_Z] = s[WZ]
-        _store_height(shots.heights, k, i, s)
-
-
-@inlined
-def _store_height(heights, k, i, row):  # out: heights
-    """Copies the height and the vertical velocity of ball i from its row of the `State`."""
-    if heights is None:
-        return
-    heights[k, i, HEIGHT], heights[k, i, RISING] = row[Z], row[VZ]
 
 
 @inlined
@@ -268,4 +248,4 @@ def end_at(time, k, state, scene, shots, status):  # out: state, shots
     for i in range(len(state.phase)):
         if state.phase[i] != POTTED and state.phase[i] != REST:
             shots.status[k], shots.time[k] = status, time.hi
-            advance(state, i, time, scene.numbers)
+            scene.space.advance(state, i, time, scene.numbers)

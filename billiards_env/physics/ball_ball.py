@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.clusters.friction import add_normal_impulses, frame_of, rub_all, tilt_of, up_slip
+from billiards_env.physics.clusters.friction import add_normal_impulses, rub_all
 from billiards_env.physics.clusters.impulses import apply_changes, separation_speed, solve_plastic
 from billiards_env.physics.double_double import HI, LO, add
 from billiards_env.physics.elementary import norm
@@ -18,7 +18,7 @@ from billiards_env.physics.laws.balls import (
     tilt_between,
     up_after,
 )
-from billiards_env.physics.state import VZ, X, Y, ball_of, set_motion
+from billiards_env.physics.state import ball_of, set_motion
 
 
 @inlined
@@ -119,59 +119,15 @@ def _exchange_many(e, count, contacts, state, scene, scratch):  # out: state, sc
 
 @inlined
 def push_pair(i, j, n, p, state, scene):  # out: state
-    """Changes the motion of balls i and j by the impulse p along the unit vector n from i to j, and by its friction."""
+    """Changes the motion of balls i and j on the cloth by an impulse and its friction.
+
+    The horizontal part p of the impulse is along the unit vector n from i to j.
+    """
     pair = Pair(n[0], n[1], scene.radius[i], scene.radius[j], scene.inv_mass[i], scene.inv_mass[j])
-    one, two, tilt = state.rows[i], state.rows[j], tilt_of(scene.spheres, i, j)
+    one, two, tilt = state.rows[i], state.rows[j], scene.space.tilt(i, j, scene)
     a, b = push_apart(scene.laws, tilt, ball_of(one), ball_of(two), pair, p, scene.numbers)
     set_motion(one, a)
     set_motion(two, b)
-
-
-@inlined
-def _push(flight, contacts, p, state, scene):  # out: state
-    """Changes the motion of the balls of the first contact by the impulse p along its normal, and by its friction."""
-    i, j = contacts.first[0], contacts.second[0]
-    if flight is None:
-        push_pair(i, j, (contacts.normal[0, X], contacts.normal[0, Y]), p, state, scene)
-        return
-    nx, ny, tilt = frame_of(contacts, 0, scene.spheres)
-    pair = Pair(nx, ny, scene.radius[i], scene.radius[j], scene.inv_mass[i], scene.inv_mass[j])
-    one, two = state.rows[i], state.rows[j]
-    a, b = _push_in_space(scene.laws, tilt, one, two, pair, p, scene.numbers)
-    set_motion(one, a)
-    set_motion(two, b)
-
-
-@inlined
-def _push_in_space(laws, tilt, one, two, pair, p, numbers):  # out: one, two
-    """Does what `push_apart` does, for the rows of two balls that may fly, and changes their vertical velocities.
-
-    The impulse p is along the normal. No table takes up its vertical part.
-    """
-    cosine, sine = tilt
-    mi, mj = pair.inv_mass_i, pair.inv_mass_j
-    a, b, up = _rub_in_space(laws.friction, tilt, one, two, pair, p, numbers)
-    along, up = cosine * p, cosine * up - sine * p
-    one[VZ] += mi * up
-    two[VZ] -= mj * up
-    return (
-        push_ball(a, -along * mi * pair.nx, -along * mi * pair.ny, numbers.motion),
-        push_ball(b, along * mj * pair.nx, along * mj * pair.ny, numbers.motion),
-    )
-
-
-@inlined
-def _rub_in_space(friction, tilt, one, two, pair, p, numbers):
-    """Returns the states of two balls after friction, as `_rub_both` does, and the impulse up on the first ball."""
-    a, b = ball_of(one), ball_of(two)
-    if friction is None:
-        return a, b, 0.0
-    across, up = contact_slip(tilt, a, b, pair)
-    up = up_slip(True, tilt, up, one, two)
-    slip = norm(across, up)
-    limit = friction(numbers, slip) * p
-    push = friction_impulse(across, up, slip, limit, 1.0 / (3.5 * (pair.inv_mass_i + pair.inv_mass_j)))
-    return rub(a, 1.0, push, tilt, pair), rub(b, -1.0, push, tilt, pair), push[1]
 
 
 @inlined
@@ -184,7 +140,7 @@ def exchange_pair(e, contacts, state, scene):  # out: state
         p = (closing + rebound) / (inv_mass[i] + inv_mass[j])
     else:
         p = normal_impulse(closing, inv_mass[i], inv_mass[j], e)
-    _push(contacts.flight, contacts, p, state, scene)
+    scene.space.push(contacts, p, state, scene)
     return raised
 
 

@@ -1,4 +1,4 @@
-"""The motion of balls as the engines use it: rows of numbers that follow the laws of `physics.laws.cloth`."""
+"""The motion of balls on the cloth: rows of numbers that follow the laws of `physics.laws.cloth`."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ from typing import Any, NamedTuple
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.laws.cloth import NEAR, SLIP_RATE, drive, phase_of, roll_speed_near, spin_after
-from billiards_env.physics.laws.flight import bounce_on_slate, height_after, time_of_fall
 from billiards_env.physics.state import (
-    AIRBORNE,
     AX,
     AY,
     LASTS,
@@ -23,16 +21,13 @@ from billiards_env.physics.state import (
     UY,
     VX,
     VY,
-    VZ,
+    WIDTH,
     WZ,
     X,
     Y,
-    Z,
     ball_of,
-    is_airborne,
     moves,
     own_time,
-    set_motion,
     since,
 )
 
@@ -105,18 +100,6 @@ def begin_phase(state, i, numbers):  # out: state
     ball = ball_of(s)
     phase[i] = phase_of(ball, numbers)
     s[AX], s[AY], s[LASTS] = drive(ball, phase[i], numbers)
-    _begin_flight(state.flight, i, state, numbers)
-
-
-@inlined
-def _begin_flight(flight, i, state, numbers):  # out: state
-    """Begins a flight if ball i is above the cloth or has a vertical velocity."""
-    if flight is None:
-        return
-    s = state.rows[i]
-    if s[Z] > 0.0 or s[VZ] != 0.0:
-        state.phase[i] = AIRBORNE
-        s[AX], s[AY], s[LASTS] = 0.0, 0.0, time_of_fall(s[Z], s[VZ], numbers.g)
 
 
 @kernel
@@ -131,25 +114,6 @@ def motion_after(state, i, t):
             s[VY] + t * s[AY],
         )
     return s[X], s[Y], 0.0, 0.0
-
-
-@inlined
-def height_of(flight, state, i, t, numbers):
-    """Returns the height, m, and the vertical velocity, m/s, of ball i, t seconds after its own time.
-
-    `flight` is `SceneArrays.flight`.
-    """
-    if flight is None or state.phase[i] != AIRBORNE:
-        return 0.0, 0.0
-    return height_after(state.rows[i, Z], state.rows[i, VZ], t, numbers.g)
-
-
-@inlined
-def _rise(flight, i, state, t, numbers):  # out: state
-    """Moves ball i up or down for t seconds."""
-    if flight is None:
-        return
-    state.rows[i, Z], state.rows[i, VZ] = height_of(flight, state, i, t, numbers)
 
 
 @inlined
@@ -168,9 +132,8 @@ def move(state, i, t, numbers):  # out: state
     x, y, vx, vy = motion_after(state, i, t)
     s[UX], s[UY] = slip_after(state, i, t)
     s[X], s[Y], s[VX], s[VY] = x, y, vx, vy
-    if s[WZ] != 0.0 and not is_airborne(state.flight, state.phase[i]):
+    if s[WZ] != 0.0:
         s[WZ] = spin_after(s[WZ], t, numbers)
-    _rise(state.flight, i, state, t, numbers)
     s[LASTS] -= t
 
 
@@ -186,7 +149,7 @@ def advance(state, i, time, numbers):  # out: state
 
 @inlined
 def end_phase(state, i, time, numbers):  # out: state
-    """Ends ball i's phase at a `Time`: its slip, velocity or spin becomes exactly zero. A ball in the air lands.
+    """Ends ball i's phase at a `Time`: its slip, velocity or spin becomes exactly zero.
 
     If only the rolling resistance changes, the ball continues with one of `cloth.ROLL_SPEEDS`, exact up to rounding.
     `begin_phase` then sets the next phase.
@@ -202,18 +165,6 @@ def end_phase(state, i, time, numbers):  # out: state
         s[VX], s[VY] = (share * s[VX], share * s[VY]) if share > 0.0 else (0.0, 0.0)
     elif state.phase[i] == SPINNING:
         s[WZ] = 0.0
-    land(state.flight, i, state, numbers)
-
-
-@inlined
-def land(flight, i, state, numbers):  # out: state
-    """Changes the motion of ball i by the slate if it is airborne."""
-    if flight is None or state.phase[i] != AIRBORNE:
-        return
-    s = state.rows[i]
-    ball, s[VZ] = bounce_on_slate(ball_of(s), min(s[VZ], 0.0), numbers)
-    s[Z] = 0.0
-    set_motion(s, ball)
 
 
 @kernel
@@ -222,14 +173,7 @@ def capture(state, i, x, y):  # out: state
     s = state.rows[i]
     for c in (VX, VY, AX, AY, UX, UY, WZ):
         s[c] = 0.0
+    for c in range(WIDTH, len(s)):
+        s[c] = 0.0
     s[X], s[Y] = x, y
     state.phase[i] = POTTED
-    _drop(state.flight, s)
-
-
-@inlined
-def _drop(flight, row):  # out: row
-    """Ends a flight of a row of `State.rows` without an impact."""
-    if flight is None:
-        return
-    row[Z] = row[VZ] = 0.0

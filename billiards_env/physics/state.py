@@ -29,8 +29,9 @@ WZ = 8  # spin about the vertical axis, rad/s
 T0, T0_LO = 9, 10  # the ball's own time, s
 LASTS = 11  # time from T0 to the end of the phase, s
 WIDTH = 12
-Z, VZ = 12, 13  # only with flight: the height of the centre above its height on the cloth, m; its velocity, m/s
+Z, VZ = 12, 13  # only in space: the height of the centre above its height on the cloth, m; its velocity, m/s
 FLIGHT_WIDTH = 14
+_MORE = FLIGHT_WIDTH - WIDTH
 VELOCITY, SLIP = (VX, VY, VZ), (UX, UY)  # the columns of each axis
 
 # Phases of a ball's motion.
@@ -59,14 +60,12 @@ class State(NamedTuple):
     """The motion of n balls.
 
     Attributes:
-        rows: (n, WIDTH) or, in scenes with flight, (n, FLIGHT_WIDTH) float64, see the columns above.
+        rows: (n, WIDTH) or, in space, (n, FLIGHT_WIDTH) float64, see the columns above.
         phase: (n,) int8.
-        flight: True in scenes with flight, otherwise None.
     """
 
     rows: Any
     phase: Any
-    flight: Any
 
 
 class BallState(NamedTuple):
@@ -150,10 +149,12 @@ class SceneKernels(NamedTuple):
     Attributes:
         laws: The `laws.tables.Laws` of impacts.
         walls: The `geometry.walls.Walls` of the table.
+        space: The `engine.space.Space` of the balls.
     """
 
     laws: Any
     walls: Any
+    space: Any
 
 
 class SceneArrays(NamedTuple):
@@ -165,11 +166,9 @@ class SceneArrays(NamedTuple):
         inv_mass: (n,) float64, 1/kg; 0 for a fixed ball.
         pockets: (k, 3) float64, a row of `Table.pocket_rows` for each pocket, see `geometry.pockets`.
         outline: The `geometry.walls.Outline`: the cushions.
-        spheres: (n,) float64, the radii of spheres of different size or with flight, m; None if all normals are
-            horizontal: for disks and for equal balls.
-        flight: The `noses.Noses` if balls leave the cloth, otherwise None.
+        noses: The `noses.Noses` if balls leave the cloth, otherwise None.
         scatter: The fields of `scatter.Scatter` of all shots; None for cushions without scatter.
-        laws, walls: The fields of `SceneKernels`.
+        laws, walls, space: The fields of `SceneKernels`.
 
     Numba compiles the code of a feature only for scenes in which its field is not None: a function with the field as an
     argument begins with `if field is None`.
@@ -184,11 +183,11 @@ class SceneArrays(NamedTuple):
     inv_mass: Floats
     pockets: Floats
     outline: Any
-    spheres: Any = None
-    flight: Any = None
+    noses: Any = None
     scatter: Any = None
     laws: Any = None
     walls: Any = None
+    space: Any = None
 
 
 @expanded
@@ -199,24 +198,16 @@ def scene_of(kernels, scene, k):
     )  # numba does not append a NamedTuple
 
 
-@inlined
-def has_flight(flight):
-    """Returns `State.flight`: True in scenes with flight, otherwise None; `flight` is `SceneArrays.flight`."""
-    if flight is None:
-        return None
-    return True
-
-
-@inlined
-def axes_of(flight):
-    """Returns the number of components of a vector: 3 with flight, otherwise 2; `flight` is `SceneArrays.flight`."""
-    return 2 if flight is None else 3
-
-
 @allocating
-def empty_state(n, flight):
-    """Returns the `State` of n balls, with undefined content; `flight` is `SceneArrays.flight`."""
-    return State(np.empty((n, WIDTH if flight is None else FLIGHT_WIDTH)), np.empty(n, np.int8), has_flight(flight))
+def empty_state(n, axes):
+    """Returns the `State` of n balls, with undefined content; `axes` is the result of `Space.axes`."""
+    return State(np.empty((n, WIDTH + _MORE * (axes - 2))), np.empty(n, np.int8))
+
+
+@inlined
+def axes_of(state):
+    """Returns the number of components of a velocity in a `State`, 2 or 3."""
+    return 2 + (state.rows.shape[1] - WIDTH) // _MORE
 
 
 @kernel
@@ -262,30 +253,6 @@ def set_motion(row, ball):  # out: row
 def own_time(state, i):
     """Returns the `Time` of ball i's row."""
     return Time(state.rows[i, T0], state.rows[i, T0_LO])
-
-
-@inlined
-def is_airborne(flight, phase):
-    """Returns whether a phase is that of a ball above the cloth; `flight` is `SceneArrays.flight`."""
-    if flight is None:
-        return False
-    return phase == AIRBORNE
-
-
-@inlined
-def rise_of(flight, row):
-    """Returns the vertical velocity of a row of `State.rows`, m/s; 0 without flight."""
-    if flight is None:
-        return 0.0
-    return row[VZ]
-
-
-@inlined
-def scale_rise(flight, row, factor):  # out: row
-    """Multiplies the vertical velocity of a row of `State.rows` by a factor."""
-    if flight is None:
-        return
-    row[VZ] *= factor
 
 
 @inlined

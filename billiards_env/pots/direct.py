@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.contact import contact_distance, cross, half_chord
+from billiards_env.physics.geometry.contact import cross, half_chord
 from billiards_env.physics.geometry.pockets import centre_of, circle_tangent, distance_along, half_width_of, rim_ends
 from billiards_env.physics.geometry.walls import TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.physics.state import X, Y
@@ -60,7 +60,7 @@ def direct_pot(table, i, p):
     mouth = open_mouth(scene, i, p, x, y)
     if mouth.half <= 0.0:
         return NO_POT
-    reach = contact_distance(scene.spheres, scene.radius, table.cue, i)
+    reach = scene.space.contact_distance(table.cue, i, scene)
     room_x, room_y = room_of(scene, table.cue)
     ghost = hit_along(table, i, mouth.dx, mouth.dy)
     ghost_x, ghost_y = _off_cushion(ghost.x, ghost.y, x, y, room_x - _CLEAR, reach)

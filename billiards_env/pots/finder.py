@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import scene_fields, scene_kernels
 from billiards_env.jit import allocating, entry_point, inlined, kernel
-from billiards_env.physics.geometry.contact import contact_distance, cross
+from billiards_env.physics.geometry.contact import cross
 from billiards_env.physics.laws.cloth import launch
 from billiards_env.physics.state import X, Y, empty_state, scene_of
 from billiards_env.pots.banks import bank_pot
@@ -177,7 +177,7 @@ def _write_pots(kernels, scene, tables, flags, pots):
     """Writes the pots, see `write_pots`."""
     scene, pots = scene_of(kernels, scene, 0), Pots(*pots)
     cue, positions, in_play, targets, max_speed, slip_ratio, spin_ratio = tables
-    state = empty_state(positions.shape[1], None)
+    state = empty_state(positions.shape[1], 2)
     for t in range(len(positions)):
         table = TableArrays(scene, cue, positions[t], in_play[t], targets[t], max_speed, slip_ratio, spin_ratio)
         own = Pots(pots.count[t : t + 1], pots.ball[t], pots.pocket[t], pots.rows[t], pots.shots[t])
@@ -236,7 +236,7 @@ def _least_speed(table, aim):
 def _insert(table, aim, least, pots):
     """Inserts a pot with its least speed, m/s, into the `Pots` of one table, in the order of their tolerances."""
     hit, scene = aim.hit, table.scene
-    reach = contact_distance(scene.spheres, scene.radius, table.cue, aim.ball)
+    reach = scene.space.contact_distance(table.cue, aim.ball, scene)
     cosine = cut_cosine(hit)
     tolerance = aim.mouth * reach * cosine / max(hit.approach, reach)
     k = pots.count[0]

@@ -16,7 +16,7 @@ from billiards_env.engine.predictions import meeting_bound
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.ball_ball import push_pair
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.contact import IMPULSE_ROUNDING, circle_time, contact_distance, distance_to_segment
+from billiards_env.physics.geometry.contact import IMPULSE_ROUNDING, circle_time, distance_to_segment
 from billiards_env.physics.laws.balls import normal_impulse
 from billiards_env.physics.laws.cloth import arrival, spin_after, travel_time
 from billiards_env.physics.motion import Path, motion_after
@@ -73,7 +73,7 @@ class Hit(NamedTuple):
 def hit_at(table, i, x, y):
     """Returns the `Hit` on ball i with the cue ball's centre at (x, y)."""
     scene, positions = table.scene, table.positions
-    reach = contact_distance(scene.spheres, scene.radius, table.cue, i)
+    reach = scene.space.contact_distance(table.cue, i, scene)
     line_x, line_y = (positions[i, X] - x) / reach, (positions[i, Y] - y) / reach
     to_x, to_y = x - positions[table.cue, X], y - positions[table.cue, Y]
     approach = norm(to_x, to_y)
@@ -84,7 +84,7 @@ def hit_at(table, i, x, y):
 @inlined
 def hit_along(table, i, line_x, line_y):
     """Returns the `Hit` whose line of centres has the direction (line_x, line_y)."""
-    reach = contact_distance(table.scene.spheres, table.scene.radius, table.cue, i)
+    reach = table.scene.space.contact_distance(table.cue, i, table.scene)
     return hit_at(table, i, table.positions[i, X] - reach * line_x, table.positions[i, Y] - reach * line_y)
 
 
@@ -178,11 +178,11 @@ def ball_gap(table, i, moving, ax, ay, bx, by):
 
     Ball i, the cue ball and the balls out of play are not third balls.
     """
-    gap, radius = FAR, table.scene.radius
+    gap = FAR
     for j in range(len(table.positions)):
         if j != table.cue and j != i and table.in_play[j]:
             distance = distance_to_segment(ax, ay, bx, by, table.positions[j, X], table.positions[j, Y])
-            gap = min(gap, distance - contact_distance(table.scene.spheres, radius, moving, j))
+            gap = min(gap, distance - table.scene.space.contact_distance(moving, j, table.scene))
     return gap
 
 
@@ -214,7 +214,7 @@ def meet_again(table, i, hit, speed, end, state):
     play_hit(table, i, hit, speed, state)
     state.phase[cue] = state.phase[i] = REST
     leg, cue_leg, now = begin_leg(scene, state, i), begin_leg(scene, state, cue), 0.0
-    reach = contact_distance(scene.spheres, scene.radius, i, cue)
+    reach = scene.space.contact_distance(i, cue, scene)
     for _ in range(2 * LEGS):
         leg_end, cue_end = rows[i, T0] + leg.lasts, rows[cue, T0] + cue_leg.lasts
         until = min(leg_end, cue_end, end)

@@ -174,9 +174,9 @@ class Engine {
 
   /** The arguments of a scene with a number of balls. `changes` replace its numbers. */
   fields(scene, count, changes = {}) {
-    const [{ content, integers }, radius, inverse, pockets, outline, spheres, ...others] = this.scene(scene).fields;
+    const [{ content, integers }, radius, inverse, pockets, outline, ...others] = this.scene(scene).fields;
     const key = `${scene} ${count}`, numbers = record({ ...content, ...changes }, integers);
-    const kept = this.kept[key] ??= asArguments([cut(radius, count), cut(inverse, count), pockets, outline, cut(spheres, count), ...others]);
+    const kept = this.kept[key] ??= asArguments([cut(radius, count), cut(inverse, count), pockets, outline, ...others]);
     return [numbers, ...kept];
   }
 

@@ -198,7 +198,7 @@ def end_of_path(scene, start, velocity, gaps):
 
 @allocating
 def _end_of_path(scene, start, velocity, gaps):
-    state = empty_state(1, None)
+    state = empty_state(1, 2)
     row = state.rows[0]
     row[:] = 0.0
     row[X], row[Y] = start

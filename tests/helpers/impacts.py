@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from billiards_env.engine.compile import scene_arrays
+from billiards_env.engine.space import ON_CLOTH, UNEQUAL_SPHERES
 from billiards_env.jit import allocating, entry_point
 from billiards_env.physics.ball_ball import exchange, restitution_at
 from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch
@@ -23,13 +24,13 @@ def collide(impacts, rebound, rows, scene):
 @allocating
 def _collide(impacts, rebound, rows, scene):
     first, second, nx, ny, closing = impacts
-    contacts = empty_contacts(len(first), None)
+    contacts = empty_contacts(len(first), scene.space.axes())
     contacts.first[:], contacts.second[:] = first, second
     contacts.normal[:, 0], contacts.normal[:, 1] = nx, ny
     contacts.closing[:], contacts.rebound[:] = closing, rebound
-    state = State(rows, np.zeros(len(rows), np.int8), None)
+    state = State(rows, np.zeros(len(rows), np.int8))
     e = restitution_at(len(first), contacts, scene)
-    scratch = empty_scratch(len(rows), len(first), scene.laws.friction, None)
+    scratch = empty_scratch(len(rows), len(first), scene.laws.friction, scene.space.axes())
     return exchange(e, len(first), contacts, state, scene, scratch)
 
 
@@ -150,7 +151,7 @@ def arrays_of(kind, e, mu, radius, inverse):
     rubs = "frictionless" if kind == "smooth" else "frictional"
     physics = Physics(ball_ball=rubs, cushion="restitution", mu_ball=mu, e_ball=e)
     arrays = scene_arrays(Scene(Balls.uniform(1), physics=physics))
-    return arrays._replace(radius=radius, inv_mass=inverse, spheres=radius if kind == "spheres" else None)
+    return arrays._replace(radius=radius, inv_mass=inverse, space=UNEQUAL_SPHERES if kind == "spheres" else ON_CLOTH)
 
 
 def drawn(seed, kind, n, e=0.95, mu=None, fixed=False, equal=False):
@@ -191,8 +192,7 @@ def check_order_and_side(rng, places, rows, pairs, arrays, rebound):
     names, order = rng.permutation(len(places)), rng.permutation(len(pairs))
     back = np.argsort(names)
     renamed = [tuple(sorted((int(back[pairs[k][0]]), int(back[pairs[k][1]])))) for k in order]
-    of_balls = [name for name in ("radius", "inv_mass", "spheres") if getattr(arrays, name) is not None]
-    other = arrays._replace(**{name: getattr(arrays, name)[names] for name in of_balls})
+    other = arrays._replace(radius=arrays.radius[names], inv_mass=arrays.inv_mass[names])
     assert np.array_equal(collided(places[names], rows[names], renamed, other, rebound[order])[0], after[names])
     for columns, mirror in (([VX, UX, WZ], [-1, 1]), ([VY, UY, WZ], [1, -1])):
         signs = np.ones(WIDTH)

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics.geometry.contact import contact_distance
+from billiards_env.engine.space import ON_CLOTH
 from billiards_env.physics.laws.balls_frictional import friction_coefficient
 from billiards_env.scene import Balls, Physics, Scene
 from billiards_env.scene.scene import SHAPES
@@ -172,13 +171,13 @@ def test_the_distance_at_contact_is_that_of_touching_spheres(first, second):
     balls = Balls((first, second), (0.1, 0.1), shape="sphere")
     expected = math.sqrt((first + second) ** 2 - (first - second) ** 2)
     assert balls.contact_distances(0)[1] == pytest.approx(expected, rel=1e-15)
-    arrays, distance = scene_arrays(Scene(balls)), cast(Any, contact_distance)
+    arrays = scene_arrays(Scene(balls))
     for i, j in itertools.product(range(2), repeat=2):
-        reach = distance.py_func(arrays.spheres, arrays.radius, i, j)
+        reach = arrays.space.contact_distance.py_func(i, j, arrays)
         assert reach == balls.contact_distances(i)[j] == balls.contact_distances(j)[i]
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_disks_and_equal_spheres_need_no_array(shape):
-    assert scene_arrays(Scene(Balls((0.03, 0.03), (0.1, 0.2), shape=shape))).spheres is None
-    assert scene_arrays(Scene(Balls((0.03, 0.04), (0.1, 0.2)))).spheres is None
+def test_disks_and_equal_spheres_have_horizontal_normals(shape):
+    assert scene_arrays(Scene(Balls((0.03, 0.03), (0.1, 0.2), shape=shape))).space == ON_CLOTH
+    assert scene_arrays(Scene(Balls((0.03, 0.04), (0.1, 0.2)))).space == ON_CLOTH

@@ -39,7 +39,7 @@ def write_plastic(first, second, nx, ny, increase, inv_mass, impulse, change):
 @allocating
 def _write_plastic(first, second, nx, ny, increase, inv_mass, impulse, change):
     count, n = len(first), len(inv_mass)
-    contacts, scratch = empty_contacts(count, None), empty_scratch(n, count, None, None)
+    contacts, scratch = empty_contacts(count, 2), empty_scratch(n, count, None, 2)
     contacts.first[:], contacts.second[:] = first, second
     contacts.normal[:, 0], contacts.normal[:, 1] = nx, ny
     contacts.closing[:], contacts.rebound[:] = increase, 0.0

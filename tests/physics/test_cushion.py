@@ -455,7 +455,7 @@ def corner(scene, motion, one, two, rebounds=(0.0, 0.0)):
     rows[0, [VX, VY, UX, UY, WZ]] = motion
     rows[0, WZ] /= POOL_R
     one, two = ((math.cos(angle), math.sin(angle)) for angle in (one, two))
-    reflect_both(State(rows, np.zeros(1, np.int8), None), 0, one, two, rebounds, scene)
+    reflect_both(State(rows, np.zeros(1, np.int8)), 0, one, two, rebounds, scene)
     rows[0, WZ] *= POOL_R
     return rows[0, [VX, VY, UX, UY, WZ]]
 

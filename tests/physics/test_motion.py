@@ -18,7 +18,7 @@ def test_times_are_sums_of_two_doubles():
 
 
 def test_the_second_part_of_a_time_changes_the_position():
-    state, ideal = empty_state(1, None), Physics(motion="ideal", cushion="restitution", max_time=1.0)
+    state, ideal = empty_state(1, 2), Physics(motion="ideal", cushion="restitution", max_time=1.0)
     row = state.rows[0]
     row[:], state.phase[:] = 0.0, FREE
     row[VX], row[T0], row[T0_LO], row[LASTS] = 1.0, 10.0, -1e-17, math.inf

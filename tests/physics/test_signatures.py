@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from billiards_env.engine.space import Space
+
 ROOT = Path(__file__).resolve().parents[2] / "billiards_env"
 DECORATORS = {"kernel", "inlined", "entry_point", "allocating"}
 FILES = sorted(path for package in ("derivatives", "engine", "physics") for path in (ROOT / package).rglob("*.py"))
@@ -26,9 +28,23 @@ KERNELS = {
 }
 
 
+BY_NAME = {name: kernel for kernels in KERNELS.values() for name, kernel in kernels.items()}
+SPACES = [ROOT / "engine" / f"{name}.py" for name in ("on_cloth", "pit_on_cloth", "in_space", "pit_in_space")]
+BY_MODULE = {f"{path.stem}.{name}": kernel for path in FILES for name, kernel in KERNELS[path].items()}
+
+
+def in_any_space():
+    """Returns the kernels of `Space` by the name `scene.space.*`, which change what any of their versions changes."""
+    known = {}
+    for name in Space._fields:
+        versions = [KERNELS[path][name] for path in SPACES if name in KERNELS[path]] or [BY_NAME[name]]
+        known[f"scene.space.{name}"] = versions[0][0], list({part for _, out in versions for part in out})
+    return known
+
+
 def known_in(path):
     """Returns the kernels that a module calls, by name: its own kernels and the kernels that it imports."""
-    known = {name: kernel for kernels in KERNELS.values() for name, kernel in kernels.items()}
+    known = BY_NAME | BY_MODULE | in_any_space()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("billiards_env."):
             source = KERNELS.get(ROOT.parent / f"{node.module.replace('.', '/')}.py", {})

@@ -22,7 +22,7 @@ from tests.helpers.outlines import ANY_TABLE, TABLES, THROAT, free_places, joint
 
 INF = math.inf
 R = 0.03
-SCENE: Any = scene_arrays(Scene.named("pool", 0))._replace(laws=None, walls=None)
+SCENE: Any = scene_arrays(Scene.named("pool", 0))._replace(laws=None, walls=None, space=None)
 
 
 def arrays(a_table):
@@ -242,7 +242,9 @@ def walls_met(place, velocity, wall, a_table):
     rows = np.zeros((1, WIDTH))
     rows[0, [X, Y, VX, VY]] = np.concatenate([place, velocity])
     scene: Any = scene_arrays(Scene(Balls((R,), (0.2,)), a_table, Physics()))
-    return scene.walls.met(State(rows, np.zeros(1, np.int8), None), 0, wall, scene._replace(laws=None, walls=None))
+    return scene.walls.met(
+        State(rows, np.zeros(1, np.int8)), 0, wall, scene._replace(laws=None, walls=None, space=None)
+    )
 
 
 @pytest.mark.parametrize("x", [1, -1])

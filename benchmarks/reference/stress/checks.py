@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine.compile import MAX_EVENTS, scene_arrays, scene_fields, scene_kernels
-from billiards_env.engine.contact_rule import limits_in_space
+from billiards_env.engine.in_space import limits_at
 from billiards_env.engine.log import (
     BALL_BALL,
     KIND,
@@ -32,7 +32,6 @@ from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import Shots, empty_shots, start_fields
 from billiards_env.jit import allocating, entry_point, inlined, kernel
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.pockets import distance_from, pocket_at
 from billiards_env.physics.geometry.walls import (
     BEGIN_TX,
@@ -88,11 +87,11 @@ DEPTH = 1e-12  # m; the largest overlap, and the largest distance beyond a cushi
 
 
 @inlined
-def _motion(flight, i, now, state, numbers):
+def _motion(noses, i, now, state, numbers):
     """Returns the position of ball i, m, and its velocity, m/s, both (x, y, z), at a `Time` during its phase."""
     t, s = since(now, own_time(state, i)), state.rows[i]
     x, y, vx, vy = motion_after(state, i, t)
-    if flight is None:
+    if noses is None:
         return (x, y, 0.0), (vx, vy, 0.0)
     if state.phase[i] != AIRBORNE:
         return (x, y, s[Z]), (vx, vy, s[VZ])
@@ -107,7 +106,7 @@ def _energy(now, state, mass, scene, scale):
     for i in range(len(radius)):
         if state.phase[i] == POTTED or math.isinf(mass[i]):
             continue
-        (_, _, z), (vx, vy, vz) = _motion(state.flight, i, now, state, numbers)
+        (_, _, z), (vx, vy, vz) = _motion(scene.noses, i, now, state, numbers)
         vx, vy, vz = vx / scale, vy / scale, vz / scale
         twice = vx * vx + vy * vy + (vz * vz + 2.0 * numbers.g * z / scale / scale)
         if numbers.motion == SLIDING_AND_ROLLING:
@@ -179,9 +178,9 @@ def _nose_distance(x, y, above, inset, outline, pockets):
 
 
 @inlined
-def _beyond_noses(flight, x, y, z, radius, scene):
+def _beyond_noses(noses, x, y, z, radius, scene):
     """Returns how far a ball in the air overlaps a nose or is beyond the noses, m; negative if neither is true."""
-    if flight is None:
+    if noses is None:
         return -math.inf
     height = scene.numbers.cushion_height - radius
     inset, beyond = radius - math.sqrt(radius * radius - height * height), -math.inf
@@ -198,12 +197,12 @@ def _check_positions(now, state, scene, places, findings):
     for i in range(len(radius)):
         if state.phase[i] == POTTED:
             continue
-        (x, y, z), (vx, vy, vz) = _motion(state.flight, i, now, state, numbers)
+        (x, y, z), (vx, vy, vz) = _motion(scene.noses, i, now, state, numbers)
         if not math.isfinite(x + y + vx + vy + z + vz):
             findings[BROKEN] = 1.0
         places[i, X], places[i, Y], places[i, HEIGHT] = x, y, z
         if state.phase[i] == AIRBORNE:
-            out = max(-z, _beyond_noses(state.flight, x, y, z, radius[i], scene))
+            out = max(-z, _beyond_noses(scene.noses, x, y, z, radius[i], scene))
         else:
             if z != 0.0 or vz != 0.0:
                 findings[BROKEN] = 1.0
@@ -213,7 +212,7 @@ def _check_positions(now, state, scene, places, findings):
         findings[OUTSIDE] = max(findings[OUTSIDE], out)
         for j in range(i):
             if state.phase[j] != POTTED:
-                dx, dy, reach = x - places[j, X], y - places[j, Y], contact_distance(scene.spheres, radius, i, j)
+                dx, dy, reach = x - places[j, X], y - places[j, Y], scene.space.contact_distance(i, j, scene)
                 dz = z - places[j, HEIGHT]
                 if dx * dx + dy * dy + dz * dz < reach * reach:
                     findings[OVERLAP] = max(findings[OVERLAP], reach - norm(norm(dx, dy), dz))
@@ -224,7 +223,7 @@ def _check(log, scene, acts, findings):
     """Checks the log of one shot."""
     events, n_events, segments = log.events, log.used[N_EVENTS_LOGGED], log.segments
     n, radius, mass = len(scene.radius), scene.radius, 1.0 / scene.inv_mass
-    state = empty_state(n, scene.flight)
+    state = empty_state(n, scene.space.axes())
     rows, phases = state.rows, state.phase
     momenta, places = np.empty((n, 3)), np.empty((n, 3))
     findings[:] = 0.0
@@ -234,7 +233,7 @@ def _check(log, scene, acts, findings):
         rows[i] = segments[i, SEGMENT_ROW:]
         phases[i] = int(segments[i, SEGMENT_PHASE])
         scale = max(scale, norm(rows[i, VX], rows[i, VY]), norm(rows[i, UX], rows[i, UY]), radius[i] * abs(rows[i, WZ]))
-        (_, _, z), (_, _, vz) = _motion(state.flight, i, now, state, scene.numbers)
+        (_, _, z), (_, _, vz) = _motion(scene.noses, i, now, state, scene.numbers)
         scale = max(scale, abs(vz), math.sqrt(2.0 * scene.numbers.g * z))
     _check_positions(now, state, scene, places, findings)
     if scale == 0.0:
@@ -253,7 +252,7 @@ def _check(log, scene, acts, findings):
             _check_positions(Time(0.5 * (now.hi + previous), 0.0), state, scene, places, findings)
         before = _energy(now, state, mass, scene, scale)
         for i in range(n):
-            _, (momenta[i, X], momenta[i, Y], momenta[i, HEIGHT]) = _motion(state.flight, i, now, state, scene.numbers)
+            _, (momenta[i, X], momenta[i, Y], momenta[i, HEIGHT]) = _motion(scene.noses, i, now, state, scene.numbers)
         impacts_only, fixed = True, False
         while k < n_events and events[k, TIME] == now.hi and events[k, TIME_LO] == now.lo:
             impact = events[k, KIND] == BALL_BALL
@@ -261,7 +260,7 @@ def _check(log, scene, acts, findings):
             findings[IMPACTS] += impact
             if events[k, KIND] == LANDING:
                 i = int(segments[row, SEGMENT_BALL])
-                (_, _, z), _ = _motion(state.flight, i, now, state, scene.numbers)
+                (_, _, z), _ = _motion(scene.noses, i, now, state, scene.numbers)
                 findings[OUTSIDE] = max(findings[OUTSIDE], abs(z))
             for _ in range(2 if impact else 1):
                 i = int(segments[row, SEGMENT_BALL])
@@ -282,7 +281,7 @@ def _check(log, scene, acts, findings):
             for i in range(n):
                 if phases[i] == POTTED or math.isinf(mass[i]):
                     continue
-                _, (vx, vy, vz) = _motion(state.flight, i, now, state, scene.numbers)
+                _, (vx, vy, vz) = _motion(scene.noses, i, now, state, scene.numbers)
                 px += mass[i] * ((vx - momenta[i, X]) / scale)
                 py += mass[i] * ((vy - momenta[i, Y]) / scale)
                 pz += mass[i] * ((vz - momenta[i, HEIGHT]) / scale)
@@ -377,5 +376,5 @@ def check_shots(
         _run_checked(kernels, arrays, limit, max_events, again, tuple(log), findings[one])
     heaviest = max(m for m in scene.balls.mass if math.isfinite(m))
     numbers = scene_arrays(scene).numbers
-    weak = limits_in_space(1.0, numbers).speed if flight else numbers.weak_speed
+    weak = limits_at(1.0, numbers).speed if flight else numbers.weak_speed
     return Checked(shots, findings, 0.5 * heaviest * (1.5 * weak) ** 2)

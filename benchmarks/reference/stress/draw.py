@@ -13,7 +13,6 @@ from benchmarks.reference.stress.checks import beyond_outline
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.jit import entry_point, streams
 from billiards_env.jit.streams import next_double
-from billiards_env.physics.geometry.contact import contact_distance
 from billiards_env.physics.geometry.pockets import distance_from
 from billiards_env.physics.geometry.walls import TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.physics.state import X, Y
@@ -34,7 +33,7 @@ def _scatter(stream, order, frozen, scene, outline, out):
 
     Returns the number of layouts; it is less than m if there is no room for a ball.
     """
-    radius, spheres, pockets = scene.radius, scene.spheres, scene.pockets
+    radius, pockets = scene.radius, scene.pockets
     for shot in range(len(out)):
         for placed in range(len(order)):
             i = order[placed]
@@ -56,7 +55,7 @@ def _scatter(stream, order, frozen, scene, outline, out):
                         ex, ey = math.cos(angle), math.sin(angle)
                         if kind < 0.2:
                             ex, ey = (1.0, 0.0) if kind < 0.1 else (0.0, -1.0)
-                        reach = contact_distance(spheres, radius, i, j)
+                        reach = scene.space.contact_distance(i, j, scene)
                         x, y = out[shot, j, X] + reach * ex, out[shot, j, Y] + reach * ey
                     if kind > 0.5 and kind < 0.9:
                         x = math.copysign(room_x, x)
@@ -72,7 +71,7 @@ def _scatter(stream, order, frozen, scene, outline, out):
                     good = beyond_outline(x, y, radius[i], outline) <= _FROZEN
                 for before in range(placed):
                     j = order[before]
-                    reach = contact_distance(spheres, radius, i, j) - _FROZEN
+                    reach = scene.space.contact_distance(i, j, scene) - _FROZEN
                     dx, dy = x - out[shot, j, X], y - out[shot, j, Y]
                     good = good and math.sqrt(dx * dx + dy * dy) >= reach
                 for k in range(len(pockets)):

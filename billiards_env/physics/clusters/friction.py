@@ -15,28 +15,16 @@ from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.clusters.complementarity import solve_smallest
-from billiards_env.physics.clusters.impulses import RESIDUE, UPWARDS, quantum, to_double
+from billiards_env.physics.clusters.impulses import RESIDUE, quantum, to_double
 from billiards_env.physics.double_double import HI, LO
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.laws.balls import Pair, along_normal, contact_slip, tilt_between
-from billiards_env.physics.state import UX, UY, VX, VY, VZ, WZ, X, Y, ball_of
+from billiards_env.physics.state import UX, UY, VELOCITY, WZ
 
 # Columns of `Rubbing.sums`: the impulse, and the impulses that turn a ball about z and about horizontal axes.
 _PX, _PY, _PZ, _TURN, _ROLL_X, _ROLL_Y = 0, 1, 2, 3, 4, 5
 _ACROSS, _UP = 0, 1  # columns of slips and of impulses of friction
 
 _SWEEPS = 2000  # largest number of steps of `rub_all`
-
-
-@inlined
-def tilt_of(spheres, i, j):
-    """Returns the cosine and the sine of the inclination of the normal from ball i to ball j; None for disks.
-
-    `spheres` is `SceneArrays.spheres`. The balls are on the cloth.
-    """
-    if spheres is None:
-        return None
-    return tilt_between(True, spheres[i], spheres[j])
 
 
 class Frame(NamedTuple):
@@ -51,64 +39,6 @@ class Frame(NamedTuple):
     x: Any
     y: Any
     tilt: Any
-
-
-@inlined
-def frame_of(contacts, c, spheres):
-    """Returns the `Frame` of contact c; `spheres` is `SceneArrays.spheres`."""
-    nx, ny, cosine, sine = _direction_of(spheres, contacts.flight, contacts, c)
-    return Frame(nx, ny, _tilt(spheres, cosine, sine))
-
-
-@inlined
-def _direction_of(spheres, flight, contacts, c):
-    """Returns the horizontal unit vector (x, y) of contact c, and the cosine and the sine of its inclination.
-
-    `flight` is `Contacts.flight`.
-    """
-    nx, ny = contacts.normal[c, X], contacts.normal[c, Y]
-    if spheres is None:
-        return nx, ny, 1.0, 0.0
-    if flight is None:
-        cosine, sine = tilt_between(True, spheres[contacts.first[c]], spheres[contacts.second[c]])
-        return nx, ny, cosine, sine
-    cosine, sine = norm(nx, ny), contacts.normal[c, UPWARDS]
-    if cosine == 0.0:  # one ball is above the other: any direction
-        return 1.0, 0.0, cosine, sine
-    return nx / cosine, ny / cosine, cosine, sine
-
-
-@inlined
-def _tilt(spheres, cosine, sine):
-    """Returns `Frame.tilt`; `spheres` is `SceneArrays.spheres`."""
-    if spheres is None:
-        return None
-    return cosine, sine
-
-
-@inlined
-def _normal_of(flight, tilt, p):
-    """Returns the impulse along the normal: p if balls may fly, otherwise the impulse whose horizontal part is p."""
-    if flight is None:
-        return along_normal(tilt, p)
-    return p
-
-
-@inlined
-def up_slip(flight, tilt, up, a, b):
-    """Returns the slip up, including the vertical velocities in the rows a and b of `State.rows`, m/s."""
-    if flight is None:
-        return up
-    cosine, _ = tilt
-    return up + cosine * (a[VZ] - b[VZ])
-
-
-@inlined
-def _push_up(flight, row, speed):  # out: row
-    """Adds a speed to the vertical velocity of a row of `State.rows`; without flight the table stops it."""
-    if flight is None:
-        return
-    row[VZ] += speed
 
 
 @inlined
@@ -151,8 +81,16 @@ def _parts(tilt, nx, ny, across, up, q):
     )
 
 
+@inlined
+def _bound(tilt, largest):
+    """Returns a bound of the terms of `_parts` for impulses of friction of at most `largest` across and up."""
+    if tilt is None:
+        return largest
+    return 2.0 * largest
+
+
 @kernel
-def _sum_friction(count, contacts, push, spheres, rubbing):  # out: rubbing
+def _sum_friction(count, contacts, push, scene, rubbing):  # out: rubbing
     """Computes `Rubbing.sums`, independently of the order of the contacts, as `clusters.sum_impulses` does."""
     sums, first, second = rubbing.sums, contacts.first, contacts.second
     largest = 0.0
@@ -160,11 +98,11 @@ def _sum_friction(count, contacts, push, spheres, rubbing):  # out: rubbing
         for k in range(6):
             sums[first[c], k] = sums[second[c], k] = 0.0
         largest = max(largest, abs(push[c, _ACROSS]), abs(push[c, _UP]))
-    bound = largest if spheres is None else 2.0 * largest  # of the terms that are added
+    bound = _bound(scene.space.frame(0, contacts, scene).tilt, largest)
     q = quantum(bound, count) if count > 2 and largest > 0.0 else 0.0
     for c in range(count):
         i, j = first[c], second[c]
-        nx, ny, tilt = frame_of(contacts, c, spheres)
+        nx, ny, tilt = scene.space.frame(c, contacts, scene)
         px, py, pz, turn, roll_x, roll_y = _parts(tilt, nx, ny, push[c, _ACROSS], push[c, _UP], q)
         for k in (i, j):
             sign = 1.0 if k == i else -1.0
@@ -189,10 +127,10 @@ def _slip_of(tilt, across, along, up, turn, lean, roll):
 
 
 @inlined
-def _change_of_slip(c, contacts, sums, inv_mass, spheres):
+def _change_of_slip(c, contacts, sums, scene):
     """Returns the change of contact c's slip across and up by the sums of impulses, m/s."""
-    i, j, (nx, ny, tilt) = contacts.first[c], contacts.second[c], frame_of(contacts, c, spheres)
-    mi, mj = inv_mass[i], inv_mass[j]
+    i, j, (nx, ny, tilt) = contacts.first[c], contacts.second[c], scene.space.frame(c, contacts, scene)
+    mi, mj = scene.inv_mass[i], scene.inv_mass[j]
     across = nx * (mi * sums[i, _PY] - mj * sums[j, _PY]) - ny * (mi * sums[i, _PX] - mj * sums[j, _PX])
     up = mi * sums[i, _PZ] - mj * sums[j, _PZ]
     turn = mi * sums[i, _TURN] + mj * sums[j, _TURN]
@@ -203,13 +141,13 @@ def _change_of_slip(c, contacts, sums, inv_mass, spheres):
 
 
 @kernel
-def _minimise_energy(count, contacts, inv_mass, spheres, rubbing):  # out: rubbing
+def _minimise_energy(count, contacts, scene, rubbing):  # out: rubbing
     """Computes the impulses of friction, `Rubbing.last`, by an accelerated projected gradient.
 
     The weights are a diagonal upper bound of the quadratic form: a ball's change of velocity by `degree` impulses has
     at most `degree` times the sum of their energies.
     """
-    first, second = contacts.first, contacts.second
+    first, second, inv_mass = contacts.first, contacts.second, scene.inv_mass
     slip, limit, weight, degree = rubbing.slip, rubbing.limit, rubbing.weight, rubbing.degree
     point, last, sums = rubbing.point, rubbing.last, rubbing.sums
     for c in range(count):
@@ -226,11 +164,11 @@ def _minimise_energy(count, contacts, inv_mass, spheres, rubbing):  # out: rubbi
             point[c, k] = last[c, k] = 0.0
     theta = 1.0
     for _ in range(_SWEEPS):
-        _sum_friction(count, contacts, point, spheres, rubbing)
+        _sum_friction(count, contacts, point, scene, rubbing)
         change, uphill = 0.0, False
         theta_next = 0.5 * (1.0 + math.sqrt(1.0 + 4.0 * theta * theta))
         for c in range(count):
-            across, up = _change_of_slip(c, contacts, sums, inv_mass, spheres)
+            across, up = _change_of_slip(c, contacts, sums, scene)
             across = point[c, _ACROSS] - (slip[c, _ACROSS] + across) / weight[c]
             up = point[c, _UP] - (slip[c, _UP] + up) / weight[c]
             size = norm(across, up)
@@ -258,28 +196,22 @@ def _rub_together(count, contacts, state, scene, rubbing):  # out: state, rubbin
     """Changes the spins and velocities of balls by the friction of all contacts of an instant together."""
     inv_mass, radius, slip = scene.inv_mass, scene.radius, rubbing.slip
     for c in range(count):
-        i, j, (nx, ny, tilt) = contacts.first[c], contacts.second[c], frame_of(contacts, c, scene.spheres)
-        one, two = state.rows[i], state.rows[j]
-        pair = Pair(nx, ny, radius[i], radius[j], inv_mass[i], inv_mass[j])
-        slip[c, _ACROSS], slip[c, _UP] = contact_slip(tilt, ball_of(one), ball_of(two), pair)
-        slip[c, _UP] = up_slip(contacts.flight, tilt, slip[c, _UP], one, two)
-        speed = norm(slip[c, _ACROSS], slip[c, _UP])
-        mu = scene.laws.friction(scene.numbers, speed)
-        rubbing.limit[c] = mu * _normal_of(contacts.flight, tilt, rubbing.normal[c])
-    _minimise_energy(count, contacts, inv_mass, scene.spheres, rubbing)
-    _sum_friction(count, contacts, rubbing.last, scene.spheres, rubbing)
+        across, up, normal = scene.space.slip(c, rubbing.normal[c], contacts, state, scene)
+        slip[c, _ACROSS], slip[c, _UP] = across, up
+        rubbing.limit[c] = scene.laws.friction(scene.numbers, norm(across, up)) * normal
+    _minimise_energy(count, contacts, scene, rubbing)
+    _sum_friction(count, contacts, rubbing.last, scene, rubbing)
     for c in range(count):
         for k in (contacts.first[c], contacts.second[c]):
             if rubbing.degree[k] == 0:
                 continue
             rubbing.degree[k] = 0
             s, sums, inverse = state.rows[k], rubbing.sums[k], inv_mass[k]
-            s[VX] += inverse * sums[_PX]
-            s[VY] += inverse * sums[_PY]
+            for axis in range(contacts.normal.shape[1]):
+                s[VELOCITY[axis]] += inverse * sums[_PX + axis]
             s[UX] += inverse * (sums[_PX] + 2.5 * sums[_ROLL_X])
             s[UY] += inverse * (sums[_PY] + 2.5 * sums[_ROLL_Y])
             s[WZ] += 2.5 * inverse * sums[_TURN] / radius[k]
-            _push_up(contacts.flight, s, inverse * sums[_PZ])
 
 
 @inlined

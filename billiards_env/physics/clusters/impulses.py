@@ -24,10 +24,7 @@ from billiards_env.physics.clusters.complementarity import (
     solve_complementarity,
 )
 from billiards_env.physics.double_double import HI, LO, add, multiply, two_product, two_sum
-from billiards_env.physics.state import SLIDING_AND_ROLLING, SLIP, VELOCITY, X, axes_of, has_flight
-
-UPWARDS = 2
-"""The index of the vertical component of a vector, in scenes with flight."""
+from billiards_env.physics.state import SLIDING_AND_ROLLING, SLIP, VELOCITY, X
 
 _SWEEPS = 2000  # largest number of iterations of `_descend`
 RESIDUE = 2.0**-80
@@ -40,8 +37,7 @@ class Contacts(NamedTuple):
     Attributes:
         first: (most,) int64, a ball of each pair.
         second: (most,) int64, the other ball.
-        normal: (most, 2 or, with flight, 3) float64, the unit normal from first to second.
-        flight: True in scenes with flight, otherwise None.
+        normal: (most, 2 or, in space, 3) float64, the unit normal from first to second.
         closing: (most,) float64, speed of approach, m/s, >= 0.
         rebound: (most,) float64, least speed of separation after the impact, m/s, >= 0.
     """
@@ -49,19 +45,18 @@ class Contacts(NamedTuple):
     first: Any
     second: Any
     normal: Any
-    flight: Any
     closing: Any
     rebound: Any
 
 
 @allocating
-def empty_contacts(most, flight):
+def empty_contacts(most, axes):
     """Returns `Contacts` with room for `most` of them. `rebound` is zero, the rest is undefined.
 
-    `flight` is `SceneArrays.flight`.
+    `axes` is the result of `Space.axes`.
     """
-    balls, speeds, normal = np.empty((2, most), np.int64), np.empty((2, most)), np.empty((most, axes_of(flight)))
-    contacts = Contacts(balls[0], balls[1], normal, has_flight(flight), speeds[0], speeds[1])
+    balls, speeds = np.empty((2, most), np.int64), np.empty((2, most))
+    contacts = Contacts(balls[0], balls[1], np.empty((most, axes)), speeds[0], speeds[1])
     for c in range(most):  # `np.zeros` would be another function to compile
         contacts.rebound[c] = 0.0
     return contacts
@@ -69,7 +64,7 @@ def empty_contacts(most, flight):
 
 @inlined
 def set_normal(contacts, c, n):  # out: contacts
-    """Sets the normal of contact c; without flight it ignores the third component of n."""
+    """Sets the normal of contact c to as many components of n as it has."""
     for axis in range(contacts.normal.shape[1]):
         contacts.normal[c, axis] = n[axis]
 
@@ -142,12 +137,11 @@ def _empty_rubbing(friction, n, most):
 
 
 @allocating
-def empty_scratch(n, most, friction, flight):
+def empty_scratch(n, most, friction, axes):
     """Returns the `Scratch` for n balls and `most` contacts.
 
-    `friction` is `SceneArrays.laws.friction`, and `flight` is `SceneArrays.flight`.
+    `friction` is `SceneArrays.laws.friction`, and `axes` is the result of `Space.axes`.
     """
-    axes = axes_of(flight)
     return Scratch(
         increase=np.empty((most, 2)),
         impulse=np.empty((most, 2)),

@@ -27,21 +27,6 @@ of either sign."""
 
 
 @inlined
-def contact_distance(spheres, radius, i, j):
-    """Returns the horizontal distance of the centres of balls i and j that touch, m.
-
-    Args:
-        spheres: `SceneArrays.spheres`.
-        radius: `SceneArrays.radius`.
-        i: A ball.
-        j: Another ball.
-    """
-    if spheres is None:
-        return radius[i] + radius[j]
-    return 2.0 * math.sqrt(spheres[i] * spheres[j])
-
-
-@inlined
 def cross(ax, ay, bx, by):
     """Returns the cross product of two vectors."""
     return ax * by - ay * bx

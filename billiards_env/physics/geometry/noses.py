@@ -288,7 +288,7 @@ def edge_time(path, end, noses):
 @inlined
 def is_beyond_noses(x, y, scene):
     """Returns whether a point is farther out than the lines of the noses, which go on through the pockets."""
-    return scene.walls.deepest_overlap(x, y, scene.flight.inset, scene) >= 0
+    return scene.walls.deepest_overlap(x, y, scene.noses.inset, scene) >= 0
 
 
 @inlined
@@ -356,6 +356,6 @@ def is_free(place, radius, scene):
     x, y, z = place[X], place[Y], place[2]
     if is_beyond_noses(x, y, scene) and pocket_at(scene.pockets, x, y, 1.0) < 0:
         return False
-    dx, dy = way_to_nose(x, y, -1, scene.flight)
-    below = z - scene.flight.height
+    dx, dy = way_to_nose(x, y, -1, scene.noses)
+    below = z - scene.noses.height
     return math.sqrt(dx * dx + dy * dy + below * below) >= radius - CONTACT_GAP

@@ -1,0 +1,119 @@
+"""Where the balls of a scene move: on the cloth, or in space if balls fly.
+
+`Space` describes the kernels. `on_cloth` and `pit_on_cloth` contain those of balls on the cloth, and `in_space` and
+`pit_in_space` those that differ if balls fly, with the same names. A scene has one `Space`, so numba compiles only its
+kernels. The code of the engines and of the impacts, which calls them as `scene.space`, is the same for all.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from billiards_env.engine import in_space, on_cloth, pit_in_space, pit_on_cloth, unequal_spheres
+from billiards_env.scene import Scene
+
+
+class Space(NamedTuple):
+    """The kernels of the balls of a scene.
+
+    A normal is a unit vector from ball i to ball j, with as many components as there are axes. The impulses of `slip`
+    and `push` are along the normal if there are three axes, and otherwise the horizontal parts of such impulses: the
+    table takes up the vertical part. Names: `scene` is the `SceneArrays`, `state` the `State`, `row` a row of it, `now`
+    a `Time`, k a shot, c a contact of `contacts`, `work` the workspace of the engine.
+
+    Attributes:
+        axes: (). Returns the number of components of a velocity, 2 or 3.
+        load: (k, i, shots, row). Copies the velocity of ball i at the start of a shot, and its height, to its row.
+        store: (k, i, row, shots). Copies them back.
+        begin_phase: (state, i, numbers). Begins the next phase of ball i, see `motion.begin_phase`.
+        advance: (state, i, time, numbers). Advances the row of ball i to a `Time` within its phase.
+
+        event_alone: (i, state, scene). Returns the next event of ball i alone: the time after the ball's own, s, the
+            kind, and the cushion, the pocket or -1.
+        resolve_single: (i, now, k, scene, work, shots, log). Resolves and records this event. Returns the number of
+            events; a corner counts as two.
+
+        contact_distance: (i, j, scene). Returns the distance at which two balls on the cloth touch, m.
+        meeting_time: (i, j, now, path, end, noise, state, scene). Returns when two balls touch after `now`, see
+            `contact.circle_time`.
+        approach: (i, j, now, state, scene). Returns the distance of two balls, m, the normal and the speed of approach,
+            m/s.
+        frozen_normal: (k, i, j, scene, starts). Returns the normal (x, y) of two balls on the cloth that touch at the
+            start of a shot; zeros if they do not touch.
+
+        tilt: (i, j, scene). Returns the cosine and the sine of the inclination of the normal of two balls on the cloth;
+            None if all normals are horizontal.
+        frame: (c, contacts, scene). Returns the `friction.Frame` of a contact.
+        slip: (c, p, contacts, state, scene). Returns the slip across and up at a contact, m/s, and the impulse along
+            the normal, kg m/s, for an impulse p.
+        push: (contacts, p, state, scene). Changes the motion of the balls of the first contact by an impulse p and its
+            friction.
+        exchange: (e, count, contacts, state, scene, scratch). Resolves impacts, see `ball_ball.exchange`.
+
+        limits: (c, contacts, numbers). Returns the `contact_rule.Limits` of a contact.
+        pressing: (c, contacts, state, scene). Returns the speed of approach at a contact, m/s, and the acceleration of
+            the balls towards each other, m/s^2.
+        stop: (over, count, contacts, state, scene, memory). Resolves impacts by the end of a sequence: brings the balls
+            to rest if it is `over`, or resolves a jam. Returns whether it does.
+
+        follow: (i, t, numbers, work). PIT: computes the motion of ball i in `here`, t seconds after its own time.
+        predict_phase_end: (i, work). PIT: computes the time at which the phase of ball i ends between timesteps.
+        test_pockets: (i, now, k, scene, work, shots, log). PIT: resolves what has happened to ball i alone, except at
+            cushions. Returns whether something has.
+        overlap: (i, j, here, scene). PIT: returns the normal of two balls and the speed of approach, m/s, which is
+            negative if they do not overlap or separate.
+        distance: (i, j, here). PIT: returns the distance of two centres, m.
+        shift: (i, way, work). PIT: moves ball i by a vector, m.
+        resolve_overlaps: (count, now, k, scene, work, shots, log). PIT: resolves and records the impacts of the first
+            `count` contacts. Returns the number of impacts.
+        hit_cushions: (i, now, k, scene, work, shots, log). PIT: reflects ball i at the cushions that it overlaps.
+            Returns whether it overlaps one.
+    """
+
+    axes: Any
+    load: Any
+    store: Any
+    begin_phase: Any
+    advance: Any
+    event_alone: Any
+    resolve_single: Any
+    contact_distance: Any
+    meeting_time: Any
+    approach: Any
+    frozen_normal: Any
+    tilt: Any
+    frame: Any
+    slip: Any
+    push: Any
+    exchange: Any
+    limits: Any
+    pressing: Any
+    stop: Any
+    follow: Any
+    predict_phase_end: Any
+    test_pockets: Any
+    overlap: Any
+    distance: Any
+    shift: Any
+    resolve_overlaps: Any
+    hit_cushions: Any
+
+
+def _space_of(*modules: ModuleType) -> Space:
+    """Returns the kernels of modules, each from the first module that has it."""
+    kernels = {name: kernel for module in reversed(modules) for name, kernel in vars(module).items()}
+    return Space(*(kernels[name] for name in Space._fields))
+
+
+ON_CLOTH = _space_of(on_cloth, pit_on_cloth)
+UNEQUAL_SPHERES = _space_of(unequal_spheres, on_cloth, pit_on_cloth)
+IN_SPACE = _space_of(in_space, pit_in_space, on_cloth, pit_on_cloth)
+
+
+def space_of(scene: Scene) -> Space:
+    """Returns the `Space` of a scene."""
+    if scene.physics.flight:
+        return IN_SPACE
+    balls = scene.balls
+    return UNEQUAL_SPHERES if balls.shape == "sphere" and len(set(balls.radius)) > 1 else ON_CLOTH

@@ -1,0 +1,18 @@
+"""Spheres of different size on the cloth, whose normals are not horizontal: what differs from `on_cloth`."""
+
+from __future__ import annotations
+
+from billiards_env.jit import inlined
+from billiards_env.physics.laws.balls import distance_of, tilt_between
+
+
+@inlined
+def contact_distance(i, j, scene):
+    """Implements `Space.contact_distance`."""
+    return distance_of(True, scene.radius[i], scene.radius[j])
+
+
+@inlined
+def tilt(i, j, scene):
+    """Implements `Space.tilt`."""
+    return tilt_between(True, scene.radius[i], scene.radius[j])
