@@ -39,12 +39,24 @@ def tab(browser):
     assert all(url.startswith(("file:", "about:")) for url in requests)
 
 
+def show(tab, shot, folder, **options):
+    """Opens the page of a shot from a file."""
+    shot.to_html(folder / "shot.html", **options)
+    tab.goto((folder / "shot.html").as_uri())
+    return tab
+
+
+def show_notebook(tab, shot, folder, style=""):
+    """Opens a notebook with a shot, and returns the frame of the shot."""
+    text = f"<!doctype html><meta charset=utf-8><body style='{style}'>{shot._repr_html_()}"
+    (folder / "notebook.html").write_text(text, "utf-8")
+    tab.goto((folder / "notebook.html").as_uri())
+    return tab.frames[1]
+
+
 @pytest.fixture
 def player(tab, shot, tmp_path):
-    """The page of a shot, opened from a file."""
-    shot.to_html(tmp_path / "shot.html")
-    tab.goto((tmp_path / "shot.html").as_uri())
-    return tab
+    return show(tab, shot, tmp_path)
 
 
 def at(tab, t):
@@ -72,8 +84,7 @@ def pixel(tab, x, y):
 @pytest.mark.parametrize("name", ["shot", "pit"])
 def test_positions_agree_with_the_shot(name, tab, tmp_path, request):
     one = request.getfixturevalue(name)
-    one.to_html(tmp_path / "shot.html")
-    tab.goto((tmp_path / "shot.html").as_uri())
+    show(tab, one, tmp_path)
     for t in [0.0, *np.linspace(0.003, one.time, 40).tolist(), *one.events["time"].tolist()[:40], one.time + 1]:
         assert np.abs(at(tab, t) - one.at(t)).max() < 1e-9
 
@@ -139,27 +150,13 @@ def test_events_are_listed_and_can_be_selected(player, shot):
 def test_the_keyboard_controls_everything(player, shot):
     player.evaluate("document.activeElement.blur()")
     times = shot.events["time"][np.isin(shot.events["kind"], ["ball_ball", "cushion", "pocket"])]
-    steps = [
-        (".", times[0]),
-        (".", times[1]),
-        (",", times[0]),
-        ("End", shot.time),
-        ("Home", 0.0),
-        ("ArrowRight", 1 / 30),
-        ("ArrowLeft", 0.0),
-    ]
-    for key, seconds in steps:
+    steps = [(".", times[0]), (".", times[1]), (",", times[0]), ("End", shot.time), ("Home", 0.0)]
+    steps += [("ArrowRight", 1 / 30), ("ArrowLeft", 0.0)]
+    speed, playing = "Number(document.querySelector('#speed').value)", "billiards.playing"
+    steps = [("billiards.time", *step) for step in steps] + [(speed, "+", 2), (speed, "-", 1), (speed, "-", 0.5)]
+    for value, key, expected in [*steps, (playing, " ", True), (playing, " ", False)]:
         player.keyboard.press(key)
-        assert player.evaluate("billiards.time") == seconds
-    player.keyboard.press("+")
-    assert player.evaluate("document.querySelector('#speed').value") == "2"
-    player.keyboard.press("-")
-    player.keyboard.press("-")
-    assert player.evaluate("document.querySelector('#speed').value") == "0.5"
-    player.keyboard.press(" ")
-    assert player.evaluate("billiards.playing")
-    player.keyboard.press(" ")
-    assert not player.evaluate("billiards.playing")
+        assert player.evaluate(value) == expected
     seen = set()
     for _ in range(12):  # every control can be reached
         player.keyboard.press("Tab")
@@ -170,17 +167,15 @@ def test_the_keyboard_controls_everything(player, shot):
 def test_events_at_nearly_the_same_time_have_microseconds(tab, tmp_path):
     scene = Scene.named("ideal", 2)
     shot = simulate(scene, [[0.0, 0.0], [0.1, 0.0], [0.157155, 0.0]], [1.0, 0.0], record=True, max_time=0.5)
-    shot.to_html(tmp_path / "row.html")
-    tab.goto((tmp_path / "row.html").as_uri())
-    listed = tab.evaluate("[...document.querySelectorAll('#events time')].map(one => one.textContent)")
+    listed = show(tab, shot, tmp_path).evaluate(
+        "[...document.querySelectorAll('#events time')].map(one => one.textContent)"
+    )
     assert listed == ["0.042850 s", "0.042855 s"]
 
 
 def test_nothing_is_cut(browser, shot, tmp_path):
-    shot.to_html(tmp_path / "shot.html")
     for width in (420, 1280):
-        page = browser.new_page(viewport={"width": width, "height": 800})
-        page.goto((tmp_path / "shot.html").as_uri())
+        page = show(browser.new_page(viewport={"width": width, "height": 800}), shot, tmp_path)
         wide = "[...document.querySelectorAll('h1, p, label, li')].filter(one => one.scrollWidth > one.clientWidth)"
         assert page.evaluate(f"{wide}.map(one => one.textContent)") == []
         page.close()
@@ -196,12 +191,10 @@ def test_dark_and_light(player):
 @pytest.fixture
 def telephone(browser, shot, tmp_path):
     """The page of a shot on a telephone."""
-    shot.to_html(tmp_path / "shot.html")
     page = browser.new_page(
         viewport={"width": 360, "height": 740}, device_scale_factor=3, is_mobile=True, has_touch=True
     )
-    page.goto((tmp_path / "shot.html").as_uri())
-    yield page
+    yield show(page, shot, tmp_path)
     page.close()
 
 
@@ -211,22 +204,17 @@ def test_the_page_fits_a_telephone(telephone):
 
 
 def test_notebooks_show_the_page_in_an_iframe(tab, shot, tmp_path):
-    (tmp_path / "notebook.html").write_text(f"<!doctype html><meta charset=utf-8>{shot._repr_html_()}", "utf-8")
-    tab.goto((tmp_path / "notebook.html").as_uri())
+    inner = show_notebook(tab, shot, tmp_path)
     assert tab.evaluate("document.querySelector('iframe').getBoundingClientRect().width") > 600
-    inner = tab.frames[1]
     assert text(inner, "h1") == "Exact engine (PIC): 7 contacts in 5.27 s"
     assert inner.evaluate("document.querySelectorAll('#events li').length") == 7
 
 
 @pytest.mark.parametrize("width", [500, 740, 790, 1000, 1600])
 def test_the_output_of_a_notebook_has_the_height_of_its_content(width, tab, shot, tmp_path):
-    output = f"<!doctype html><meta charset=utf-8><body style='margin: 0; width: {width}px'>{shot._repr_html_()}"
-    (tmp_path / "notebook.html").write_text(output, "utf-8")
-    tab.goto((tmp_path / "notebook.html").as_uri())
+    inner = show_notebook(tab, shot, tmp_path, f"margin: 0; width: {width}px")
     height = tab.evaluate("document.querySelector('iframe').clientHeight")
     assert tab.evaluate("document.body.scrollHeight") == height
-    inner = tab.frames[1]
     assert inner.evaluate("document.documentElement.scrollHeight") == height  # no scroll bar
     assert inner.evaluate("document.documentElement.scrollWidth") <= min(width, 1100)
     assert height - inner.evaluate("document.querySelector('main').getBoundingClientRect().bottom") < 16
@@ -238,8 +226,7 @@ def test_the_output_of_a_notebook_has_the_height_of_its_content(width, tab, shot
 
 def test_inserted_text_is_escaped(tab, shot, tmp_path):
     title = "</title><script>document.body.id = 'broken'</script>{{data}} & \"'"
-    shot.to_html(tmp_path / "shot.html", title=title)
-    tab.goto((tmp_path / "shot.html").as_uri())
+    show(tab, shot, tmp_path, title=title)
     assert text(tab, "h1") == title
     assert tab.evaluate("document.title") == title
     assert tab.evaluate("document.body.id") == ""
@@ -276,8 +263,7 @@ def test_notebooks_show_no_page_for_unrecorded_or_long_shots(shot, unrecorded, m
 def test_balls_turn_as_in_python(tab, tmp_path):
     scene = Scene.named("pool", 1)
     shot = simulate(scene, [[-0.6, 0.0], [0.4, 0.02]], [2.0, 0.0], spins=[20.0, -30.0, 60.0], record=True)
-    shot.to_html(tmp_path / "spin.html")
-    tab.goto((tmp_path / "spin.html").as_uri())
+    show(tab, shot, tmp_path)
     turns = recording_of(shot).turning()
     for t in np.linspace(0.0, shot.time, 40).tolist():
         for ball, face in enumerate(turns.at(t)):
@@ -309,8 +295,7 @@ def test_touch_plays_and_moves_the_time(telephone):
 
 
 def test_the_page_of_a_flight_has_the_heights(jump, tab, tmp_path):
-    jump.to_html(tmp_path / "jump.html")
-    tab.goto((tmp_path / "jump.html").as_uri())
+    show(tab, jump, tmp_path)
     for t in np.linspace(0.0, 0.99 * jump.time, 5).tolist():
         assert tab.evaluate(f"[0, 1].map(ball => billiards.height(ball, {t!r}))") == pytest.approx(jump.heights_at(t))
     tab.evaluate("billiards.seek(0.1)")

@@ -58,6 +58,13 @@ def shown(make_model, window):
     return window(make_model(positions=BALLS))
 
 
+def think(shown):
+    """Shows frames until the program or the hint has ended."""
+    while shown.model.phase == "thinking" or shown._work is not None:
+        shown.frame()
+    return shown.model
+
+
 def press(shown, *keys, mod=0):
     for key in keys:
         post(pygame.KEYDOWN, key=key, mod=mod, unicode="")
@@ -76,9 +83,12 @@ def click(shown, point):
     press_mouse(shown, at(shown, point))
 
 
-def press_mouse(shown, pixel):
-    for kind in (pygame.MOUSEBUTTONDOWN, pygame.MOUSEBUTTONUP):
-        post(kind, pos=pixel, button=1)
+def press_mouse(shown, *pixels):
+    """Drags the mouse with its left button over pixels; a click has one."""
+    post(pygame.MOUSEBUTTONDOWN, pos=pixels[0], button=1)
+    for pixel in pixels[1:]:
+        post(pygame.MOUSEMOTION, pos=pixel, rel=(0, 0), buttons=(1, 0, 0))
+    post(pygame.MOUSEBUTTONUP, pos=pixels[-1], button=1)
     shown.frame()
 
 
@@ -88,12 +98,8 @@ def click_on(shown, control, across=0.5, down=0.5):
     press_mouse(shown, (round(box.x + across * box.width), round(box.y + down * box.height)))
 
 
-def drag(shown, start, *points):
-    post(pygame.MOUSEBUTTONDOWN, pos=at(shown, start), button=1)
-    for point in points:
-        post(pygame.MOUSEMOTION, pos=at(shown, point), rel=(0, 0), buttons=(1, 0, 0))
-    post(pygame.MOUSEBUTTONUP, pos=at(shown, points[-1]), button=1)
-    shown.frame()
+def drag(shown, *points):
+    press_mouse(shown, *(at(shown, point) for point in points))
 
 
 def state(model):
@@ -216,9 +222,7 @@ def hint(shown, point):
     """Points at a place and presses A, until the window has an answer."""
     post(pygame.MOUSEMOTION, pos=at(shown, point), rel=(0, 0), buttons=(0, 0, 0))
     press(shown, pygame.K_a)
-    while shown._work is not None:
-        shown.frame()
-    return shown.model
+    return think(shown)
 
 
 def test_shift_and_the_key_aim_for_the_best_shot(shown, monkeypatch):
@@ -226,8 +230,7 @@ def test_shift_and_the_key_aim_for_the_best_shot(shown, monkeypatch):
     for _ in range(2):  # the first search may spend its time on compilation
         press(shown, pygame.K_a, mod=SHIFT)
         assert shown.message == "thinking"
-        while shown._work is not None:
-            shown.frame()
+        think(shown)
     assert shown.model.phase == "aiming"
     assert re.fullmatch(r"ball \S+ into the \w+ \w+ pocket, \d+% with the noise of a good player", shown.message)
     assert shot_of(shown.model).potted.any()
@@ -427,26 +430,18 @@ def test_the_window_handles_keys_while_a_program_thinks(make_model, window, monk
         return Stroke((0.3, 0.4))
 
     shown = window(make_model(positions=BALLS, players=("human", "program")), (None, player))
-    press(shown, pygame.K_LEFT, pygame.K_SPACE, pygame.K_SPACE)
-    first = shown.model.strokes
-    plain = press(shown)
-    assert (shown.model.phase, shown.model.game.state.player) == ("thinking", 1)
-    assert (press(shown, pygame.K_h) != plain).any()
-    assert (press(shown, pygame.K_h) == plain).all()
-    asked = shown.model.setup, shown.model.game.positions.tolist(), 8.0
-    press(shown, pygame.K_u)
+    press(shown, pygame.K_LEFT, pygame.K_SPACE, pygame.K_SPACE, pygame.K_h)
+    first, model = shown.model.strokes, shown.model
+    assert (model.phase, model.page, model.game.state.player) == ("thinking", "keys", 1)
+    press(shown, pygame.K_h, pygame.K_u)
     assert (shown.model.phase, shown.model.strokes) == ("aiming", ())
     press(shown, pygame.K_SPACE, pygame.K_SPACE, pygame.K_q)
     assert shown.asking
     press(shown, pygame.K_c)
     assert (shown.open, shown.asking) == (True, False)
     may_play.set()
-    while shown.model.phase == "thinking":
-        press(shown)
-    assert shown.model.strokes == (*first, Stroke((0.3, 0.4)))
-    press(shown, pygame.K_SPACE)
-    assert (shown.model.phase, shown.model.game.state.player) == ("aiming", 0)
-    assert calls == [asked, asked]
+    assert think(shown).strokes == (*first, Stroke((0.3, 0.4)))
+    assert calls == 2 * [(model.setup, model.game.positions.tolist(), 8.0)]
 
 
 def test_a_shot_is_replayed_while_a_program_thinks(make_model, window):
@@ -477,10 +472,9 @@ def test_the_planner_shows_its_shot_without_errors_before_it_plays_it(name, nois
     assert (shown.model.phase, shown.model.strokes) == ("thinking", ())
     np.testing.assert_allclose(shown.model.stroke.velocity, stroke.velocity)
     monkeypatch.setattr(intent, 0.01)
-    while shown.model.phase == "thinking":
-        shown.frame()
-    error = np.hypot(*np.subtract(shown.model.strokes[0].velocity, stroke.velocity))
-    assert 0.0 < error < 1.0 if noise else shown.model.strokes == (stroke,)
+    played = think(shown).strokes
+    error = np.hypot(*np.subtract(played[0].velocity, stroke.velocity))
+    assert 0.0 < error < 1.0 if noise else played == (stroke,)
 
 
 def test_a_planner_that_thinks_does_not_hold_the_window_up(make_model, window):
@@ -538,9 +532,7 @@ def test_the_window_shows_the_shots_that_a_program_considers(make_model, window)
     assert [one.plan for one in both.considered] == plans
     assert (pixels(shown._view.draw(both)) != frame).any()
     may_play.set()
-    while shown.model.phase == "thinking":
-        press(shown)
-    assert shown.model.considered == ()
+    assert think(shown).considered == ()
     assert act.consider(shown.model, plans) is shown.model
 
 
