@@ -15,6 +15,7 @@ from unittest.mock import patch
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.utils.performance import benchmark_step, benchmark_vector_step
 
 from benchmarks import in_turns, machine, run_command, table
 from benchmarks.speed import quartiles, seconds
@@ -171,10 +172,22 @@ def measure(repeats: int, job: Job, scale: float = 1.0) -> dict[str, Any]:
             play = make()
             play()
             calls[kind] = functools.partial(rate_of, count, play)
+    theirs = of_gymnasium(scale)
+    calls |= theirs
     measured = {name: quartiles(values) for name, values in in_turns(calls, repeats, job).items()}
-    rows = [{"kind": kind, "per_second": measured[kind]} for kind in kinds if kind in measured]
+    rows = [{"kind": kind, "per_second": measured[kind]} for kind in (*kinds, *theirs) if kind in measured]
     shares = {name: measured[key] for key, name in outside.items() if key in measured}
     return {"machine": on, "repeats": repeats, "steps": rows, "outside_engine": shares}
+
+
+def of_gymnasium(scale: float) -> dict[str, Callable[[], float]]:
+    """Returns the benchmarks of Gymnasium by name. They sample each action, and measure for at most a second."""
+    single, envs = gym.make("Billiards-v0"), native(1024)
+    duration: Any = min(1.0, scale)  # s
+    return {
+        "`benchmark_step` of Gymnasium": lambda: benchmark_step(single, duration, seed=0),
+        "`benchmark_vector_step` of Gymnasium, native, 1,024": lambda: benchmark_vector_step(envs, duration, seed=0),
+    }
 
 
 def rate_of(count: int, play: Callable[[], object]) -> float:
