@@ -149,7 +149,7 @@ class Called(NamedTuple):
         ball: The called ball, in snooker the nominated one; -1 for none.
         pocket: The called pocket; -1 for none.
         kind: Index in `CALLS`.
-        made: Whether the shot pots the called ball in the called pocket (WPA 1.6), see `facts.is_made`.
+        made: Whether the shot pots the called ball in the called pocket (WPA 1.6), see `facts.record_shot`.
     """
 
     ball: int = -1
