@@ -212,11 +212,15 @@ def name_of(fact: Kernel) -> str:
     return getattr(fact, "py_func", fact).__name__
 
 
+def return_type(fact: Kernel) -> Any:
+    """Returns the annotated type of a fact, or None."""
+    return get_type_hints(getattr(fact, "py_func", fact), include_extras=True).get("return")
+
+
 @functools.cache
 def facts_type(facts: tuple[Kernel, ...]) -> np.dtype[Any]:
     """Returns the type of the rows of facts."""
-    functions = [getattr(one, "py_func", one) for one in facts]
-    return row_type({one.__name__: get_type_hints(one, include_extras=True)["return"] for one in functions})
+    return row_type({name_of(fact): return_type(fact) for fact in facts})
 
 
 @inlined
