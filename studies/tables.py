@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from billiards_env.support.checks import RANGES
 def blocks(_: Mapping[str, Any]) -> dict[str, str]:
     """Returns the tables by name. They need no measurement."""
     rules = "\n\n".join(f"::: {family.__name__}" for family in FAMILIES)
-    made = (games, judged, scenes, physics, fixes, actions, features, bounces)
+    made = (games, sources, left_out, judged, scenes, physics, fixes, actions, features, bounces)
     return {"rules": rules, **{function.__name__: function() for function in made}}
 
 
@@ -38,6 +38,26 @@ def games() -> str:
         numbers = (" to ".join(map(str, dict.fromkeys(pair))) for pair in (game.n_players, game.n_object_balls))
         rows.append((f"`{name}`", ", ".join(game.editions), *numbers, game.won_by, ", ".join(calls) or "-"))
     return table(("`rules`", "Edition", "Players", "Object balls", "Won by", "Calls and choices"), rows, left=6)
+
+
+def sources() -> str:
+    """Returns the table of the editions of the games and their sources."""
+    rows = {name: zip(game.editions, game.sources, strict=True) for name, game in GAMES.items()}
+    return _by_row(("Games", "Edition", "Source"), rows)
+
+
+def left_out() -> str:
+    """Returns the table of what the rules of the games leave out or simplify."""
+    return _by_row(("Games", "Rule", "In this package"), {name: game.left_out for name, game in GAMES.items()})
+
+
+def _by_row(columns: tuple[str, ...], rows: Mapping[str, Iterable[tuple[str, str]]]) -> str:
+    """Returns a table of the rows of games, by name. Games that share a row are in one line."""
+    games_of: dict[tuple[str, str], list[str]] = {}
+    for name, of_game in rows.items():
+        for row in of_game:
+            games_of.setdefault(row, []).append(f"`{name}`")
+    return table(columns, [(", ".join(names), *row) for row, names in games_of.items()], left=3)
 
 
 def physics() -> str:

@@ -3,7 +3,7 @@
 import functools
 import itertools
 import re
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -25,6 +25,7 @@ from billiards_env.envs.observations import FEATURES, Feature
 from billiards_env.envs.tasks import TASKS, Task
 from billiards_env.games import GAMES, Setup, Stroke, opening, play
 from billiards_env.games.entry import Game
+from billiards_env.games.facts import USUAL, banked
 from billiards_env.games.game_state import verdict
 from billiards_env.games.pool import any_ball
 from billiards_env.jit import entry_point, inlined, kernel
@@ -170,6 +171,19 @@ def half_a_point(state, facts, call):
 @inlined
 def half_a_ball(state, player):
     return 0.5
+
+
+class Halves(NamedTuple):
+    half: float = 0.5
+
+
+class OwnScores(NamedTuple):
+    scores: int = 0
+
+
+@inlined
+def untyped_fact(shots, k, bits):
+    return 0
 
 
 def new_game(**fields: Any) -> str:
@@ -384,6 +398,25 @@ WRONG += [
     constant("action", "is_choice", 1, "expected the type bool, not int"),
     constant("player", "argument", 3, "expected the type str | None, not int"),
     constant("scene", "usual", -1, "expected a number from 0 to 100000"),
+    (
+        lambda state: new_game(state=state),
+        lambda balls: (0,),
+        "^state of game 'wrong_.*: expected a function that returns",
+    ),
+    (
+        lambda state: new_game(state=state),
+        Halves,
+        "^field 'half' of the state .* = <class 'float'>: expected int, bool",
+    ),
+    (lambda state: new_game(state=state), OwnScores, "^OwnScores.scores: expected another name than those of"),
+    (lambda fact: new_game(facts=(*USUAL, fact)), half_a_ball, "^facts of game 'wrong_.*: expected a function with 3"),
+    (lambda fact: new_game(facts=(*USUAL, fact)), untyped_fact, "^'untyped_fact' of the facts .* = None: expected int"),
+    (
+        lambda facts: new_game(facts=facts),
+        USUAL[:4],
+        r"^facts of game 'wrong_.*\['first', .*: expected 'driven_off' among",
+    ),
+    (lambda fact: new_game(scoring=fact), banked, "^facts of game 'wrong_.*: expected 'banked' among them"),
     (lambda one: new_game(choices=(one,)), "jump", "^choices of game 'wrong_.*' = 'jump': expected one of 'push_out',"),
 ]
 

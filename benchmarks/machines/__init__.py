@@ -19,9 +19,8 @@ LEFT_OUT = {
     "envs.actions._aimed": "actions from velocities, which only players need",
     "envs.actions._perturbed": "the noise that players expect",
     "envs.goal_observations.write_desired": "copies goals",
-    "games.batch._see_shots": "facts of shots that players try in some games",
+    "players.batch._see_shots": "facts of shots that players try in some games",
     "games.placement.limits": "the region of a cue ball in hand, for players",
-    "games.turn.call_without_shots": "calls without a shot; the frozen games play them in their own functions",
     "games.turn.look_at_games": "states that users make",
 }
 """Functions that Python calls and that no work calls, with the reason."""

@@ -23,11 +23,11 @@ from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.info import InfoArrays
 from billiards_env.envs.state import State, TurnArrays
 from billiards_env.envs.tasks import write_legal_balls
-from billiards_env.games.facts import is_made
-from billiards_env.games.game_state import CALLS, HAND_BACK, SAFETY, SHOT, verdict
+from billiards_env.games.facts import record_shot
+from billiards_env.games.game_state import CALLS, HAND_BACK, SAFETY, SHOT
 from billiards_env.games.placement import PlacementNumbers, cue_ball_area_of, place_cue_ball
 from billiards_env.games.playing import NO_CALL, Call, Setup, Stroke
-from billiards_env.games.turn import after_shot, without_shot
+from billiards_env.games.turn import Games, take_turn
 from billiards_env.jit import Typed, entry_point, inlined
 from billiards_env.physics.state import X, Y
 
@@ -148,23 +148,6 @@ def set_down(table, positions, state):
 
 
 @inlined
-def _play_turn(k, rules, numbers, table, arrays, turns):
-    """Changes game k to the state before the next shot.
-
-    Returns the verdict, and a ball without room or -1.
-    """
-    call = turns.calls[k]
-    if call.kind >= HAND_BACK:
-        before = turns.before_positions, turns.before_states
-        without_shot(rules, table, k, call, arrays.positions, arrays.states, before)
-        return verdict(), -1
-    facts = arrays.facts[k]
-    rules.record(arrays, k, numbers.bits, facts)
-    call.made = is_made(arrays, k, numbers.bits, call)
-    return after_shot(rules, table, arrays.positions[k], arrays.states[k], facts, call)
-
-
-@inlined
 def write_balls(k, state, arrays):
     """Writes which balls are on the table before the next shot. A cue ball in hand counts."""
     on_table = state.object_balls | 1 << state.cue_balls[0]
@@ -191,6 +174,8 @@ def score_turns(rules, begin, end, numbers, game, arrays, turns, rewards):
     """
     numbers, game, arrays, turns = TaskNumbers(*numbers), GameNumbers(*game), EpisodeArrays(*arrays), TurnArrays(*turns)
     table, failed, players = PlacementNumbers(*game.table), -1, turns.rewards.shape[1]
+    before = turns.before_positions, turns.before_states
+    games = Games(arrays.positions, arrays.states, arrays.facts, turns.calls, *before)
     for k in range(begin, end):
         state, player = arrays.states[k], arrays.states[k].player
         cue = state.cue_balls[0]
@@ -199,7 +184,8 @@ def score_turns(rules, begin, end, numbers, game, arrays, turns, rewards):
         rewards[k] = 0.0
         if arrays.over[k]:
             continue
-        judgement, without_room = _play_turn(k, rules, numbers, table, arrays, turns)
+        record_shot(rules.record, arrays, k, numbers.bits, arrays.facts[k], turns.calls[k])
+        judgement, without_room = take_turn(rules, table, k, games)
         if without_room >= 0 or not set_down(table, arrays.positions[k], state):
             failed = k
         winner, by_points = state.winner, game.by_points

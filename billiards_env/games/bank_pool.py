@@ -2,21 +2,8 @@
 
 The numbers are those of the "Complete Bank Pool Rules" of OnePocket.org, a draft of 27 January 2006
 (onepocket.org/BankPoolRules.htm), of which the rules 1 to 3.2 were available. The rules for fouls are those of a
-secondary source, a copy of the rules of the Billiard Congress of America (mobsea.com/Rules-to-play-Bank-pool, 11). The
-rules are simplified:
-
-* A bank is a potted ball that the cue ball touched first, before it hit a cushion itself, and that hit a cushion before
-  its pot. The rules also exclude a ball that another ball or a second touch of the cue ball sends into the pocket; this
-  is not checked. On a table with jaws a ball that only touches a jaw counts as banked.
-* Shots are called (3.1) only in a state with `call_shot`, without the cushions of the ball's path. Otherwise any bank
-  counts. If a shot pots two banks, the one with the lower number scores.
-* Balls are spotted after each shot, and not at the end of the inning (2.1).
-* The break has no requirement (2.2, 2.3). After a break that does not meet these rules, the next player accepts the
-  balls as they lie.
-* Three consecutive fouls lose without a warning. A player who shoots from behind the head string may first touch a ball
-  behind it.
-
-The kernels have the arguments of `entry.Game`.
+secondary source, a copy of the rules of the Billiard Congress of America (mobsea.com/Rules-to-play-Bank-pool, 11).
+`Game.left_out` lists the simplifications. The kernels have the arguments of `entry.Game`.
 """
 
 from __future__ import annotations
@@ -69,6 +56,15 @@ GAMES = {
         callable=any_ball,
         editions=("2006",),
         scoring=banked,
+        sources=("OnePocket.org, a draft of 27 January 2006, and a secondary source for fouls",),
+        left_out=(
+            ("1", "a bank: a potted ball that the cue ball touched first, before a cushion, and that hit a cushion"),
+            ("1", "contacts with other balls on the way are not checked; a touch of a jaw counts as a cushion"),
+            ("2.1", "balls are spotted after each shot, and not at the end of the inning"),
+            ("2.2, 2.3", "the break has no requirement"),
+            ("3.1", "without `call_shot`, any bank counts; of two banks the ball with the lower number scores"),
+            ("11", "the third foul in a row loses without a warning; a ball behind the head string may be hit first"),
+        ),
         facts=(*USUAL, banked),
         page=(
             ("to win", "score the target with a point for each bank"),

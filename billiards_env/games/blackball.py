@@ -3,17 +3,8 @@
 The numbers are those of the "World Pool Association Blackball Rules 2005". The sources are the definitions at the
 beginning of this text (vdocuments.us) and secondary ones: the visual guide of Blackball International
 (blackballinternational.org/blackball-pool-rules/visual-guide), and for the numbers a program whose tests cite them. The
-balls 1 to 7 and 9 to 15 are the two groups, and the 8 is black. The rules are simplified:
-
-* A break that pots no ball must drive two object balls to a cushion. Rule 4b requires that two balls cross the line
-  between the middle pockets. The balls are not racked again after a bad break.
-* A black ball that is potted on the break is spotted, and the same player continues. Rule 4d requires a new break.
-* After a foul the cue ball stays where it lies, except after a scratch (6c gives the choice of the baulk area).
-* A snookered player also has to pot a ball or to drive one to a cushion (5g).
-* The rules for touching balls, jumps, stalemate and deliberate fouls are missing.
-* A black ball potted together with the last ball of the group loses (7b).
-
-The kernels have the arguments of `entry.Game`.
+balls 1 to 7 and 9 to 15 are the two groups, and the 8 is black. `Game.left_out` lists the
+simplifications. The kernels have the arguments of `entry.Game`.
 """
 
 from __future__ import annotations
@@ -109,6 +100,15 @@ GAMES = {
         state=lambda balls: Blackball(),
         facts=(*USUAL, driven),
         settle=settle,
+        sources=("WPA Blackball Rules 2005; in parts secondary sources",),
+        left_out=(
+            ("4b", "a break without a pot drives two balls to a cushion, instead of over the middle line; no new rack"),
+            ("4d", "a black potted on the break is spotted, and the same player continues, without a new break"),
+            ("5g", "a snookered player also has to pot a ball or to drive one to a cushion"),
+            ("6c", "after a foul the cue ball stays where it lies, except after a scratch"),
+            ("7b", "a black potted together with the last ball of the group loses"),
+            ("-", "no rules for touching balls, jumps, stalemate and deliberate fouls"),
+        ),
         page=(
             ("to win", "pot all balls of your group, then the black"),
             ("groups", "reds and yellows; a shot that pots balls of one group decides, but no break and no free shot"),

@@ -106,6 +106,8 @@ class Game(NamedTuple):
         callable: Kernel `(state, player)`. Returns the balls that the player may call; None for a game without called
             shots and safeties.
         editions: The names of the editions of the rules, the default first; `RulesState.edition` is the index.
+        sources: The source of each edition, for the table in the documentation.
+        left_out: What the rules leave out or simplify: rows of the number of a rule and a text, for the documentation.
         without_safety: The editions that have called shots but no safeties.
         choices: The choices that a player may have besides a shot, of `CALLS`.
         counts_fouls: Whether consecutive fouls are penalised.
@@ -147,6 +149,8 @@ class Game(NamedTuple):
     target: Callable[[int], int] | None = None
     callable: Kernel | None = None
     editions: tuple[str, ...] = ("",)
+    sources: tuple[str, ...] = ()
+    left_out: Page = ()
     without_safety: tuple[str, ...] = ()
     choices: tuple[str, ...] = ()
     counts_fouls: bool = False

@@ -212,11 +212,15 @@ def name_of(fact: Kernel) -> str:
     return getattr(fact, "py_func", fact).__name__
 
 
+def return_type(fact: Kernel) -> Any:
+    """Returns the annotated type of a fact, or None."""
+    return get_type_hints(getattr(fact, "py_func", fact), include_extras=True).get("return")
+
+
 @functools.cache
 def facts_type(facts: tuple[Kernel, ...]) -> np.dtype[Any]:
     """Returns the type of the rows of facts."""
-    functions = [getattr(one, "py_func", one) for one in facts]
-    return row_type({one.__name__: get_type_hints(one, include_extras=True)["return"] for one in functions})
+    return row_type({name_of(fact): return_type(fact) for fact in facts})
 
 
 @inlined
@@ -243,28 +247,32 @@ def _with_one_more(others: Kernel, name: str, fact: Kernel) -> Kernel:
 
 
 @inlined
-def is_made(shots, k, bits, call):
-    """Returns whether shot k pots the called ball in the called pocket (WPA 1.6); `call` is a row of `CALL`."""
-    made = False
+def record_shot(record, shots, k, bits, facts, call):  # out: facts, call
+    """Writes the facts of shot k, and whether it pots the called ball in the called pocket (WPA 1.6).
+
+    Args:
+        record: The kernel `Game.record`.
+        shots: A NamedTuple with the fields of `Records`, such as `engine.Shots`.
+        k: The shot.
+        bits: (n,) int64, each ball as a set of balls.
+        facts: A row of `facts_type`.
+        call: A row of `CALL`.
+    """
+    record(shots, k, bits, facts)
+    call.made = False
     for i in range(len(bits)):
         if call.ball >= 0 and call.pocket >= 0 and bits[i] == 1 << call.ball:
-            made = shots.pockets[k, i] == call.pocket
-    return made
+            call.made = shots.pockets[k, i] == call.pocket
 
 
 @entry_point
-def _write_facts(record, records, bits, rows, calls):  # out: rows, calls
+def _record_shots(record, records, bits, rows, calls):  # out: rows, calls
     for k in range(len(rows)):
-        record(Records(*records), k, bits, rows[k])
-        if len(calls) > 0:
-            calls[k].made = is_made(Records(*records), k, bits, calls[k])
-
-
-NO_CALLS = np.zeros(0, CALL)
+        record_shot(record, Records(*records), k, bits, rows[k], calls[k])
 
 
 def facts_of_shots(
-    facts: tuple[Kernel, ...], shots: Any, balls: NDArray[np.int64] | None = None, calls: NDArray[Any] = NO_CALLS
+    facts: tuple[Kernel, ...], shots: Any, balls: NDArray[np.int64] | None = None, calls: NDArray[Any] | None = None
 ) -> NDArray[Any]:
     """Returns the facts of m shots, (m,) `facts_type`.
 
@@ -272,16 +280,16 @@ def facts_of_shots(
         facts: The facts, such as `Game.facts`.
         shots: An object with the fields of `Records`, such as a `BatchResult`.
         balls: (n,) the numbers of the balls in the sets of balls; None for 0 to n - 1.
-        calls: (m,) `CALL`, whose field `made` is set; (0,) for none.
+        calls: (m,) `CALL`, whose field `made` is set; None for none.
     """
     records = [getattr(shots, name) for name in Records._fields]
     rows, n = np.zeros(len(records[0]), facts_type(facts)), records[1].shape[1]
     bits = np.left_shift(1, np.arange(n) if balls is None else balls)
-    _write_facts(recorder(facts), tuple(records), bits, rows, calls)
+    _record_shots(recorder(facts), tuple(records), bits, rows, np.zeros(len(rows), CALL) if calls is None else calls)
     return rows
 
 
-def facts_of(facts: tuple[Kernel, ...], shot: ShotResult, calls: NDArray[Any] = NO_CALLS) -> NDArray[Any]:
+def facts_of(facts: tuple[Kernel, ...], shot: ShotResult, calls: NDArray[Any] | None = None) -> NDArray[Any]:
     """Returns the facts of one shot, (1,) `facts_type`; the arguments are as in `facts_of_shots`."""
     records = Records(*(np.asarray(getattr(shot, name))[None] for name in Records._fields))
     return facts_of_shots(facts, records, None, calls)

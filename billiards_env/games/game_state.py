@@ -149,7 +149,7 @@ class Called(NamedTuple):
         ball: The called ball, in snooker the nominated one; -1 for none.
         pocket: The called pocket; -1 for none.
         kind: Index in `CALLS`.
-        made: Whether the shot pots the called ball in the called pocket (WPA 1.6), see `facts.is_made`.
+        made: Whether the shot pots the called ball in the called pocket (WPA 1.6), see `facts.record_shot`.
     """
 
     ball: int = -1
@@ -195,6 +195,13 @@ def hints_of(*rows: type) -> dict[str, Any]:
             raise ValueError(f"{one.__name__}.{min(again)}: expected another name than those of `RulesState`")
         hints |= own
     return hints
+
+
+def check_type(what: str, hint: Any) -> None:
+    """Raises a TypeError unless a field of a row can have an annotated type."""
+    kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
+    if kind not in (int, bool) and not (get_origin(kind) is tuple and {*get_args(kind)} == {int}):
+        raise TypeError(f"{what} = {hint}: expected int, bool or a tuple of ints as its annotated type")
 
 
 def row_type(hints: Mapping[str, Any]) -> np.dtype[Any]:

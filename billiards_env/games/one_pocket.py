@@ -2,16 +2,8 @@
 
 The numbers are those of the "Official One Pocket Rules" of OnePocket.org, adopted on 19 January 2005
 (onepocket.org/one_pocket_pool_rules.htm). The source is secondary: a copy of this text in
-github.com/chalkysticks/api, `1_pocket_wpa.php`. A later edition dates from 9 October 2021. The rules are simplified:
-
-* Player 0 owns pocket 2, the foot corner with y < 0, and player 1 owns pocket 3. The player who breaks does not choose
-  (2.1).
-* Balls are spotted after each shot, and not at the end of the inning (9.2).
-* Three consecutive fouls lose without a warning after the second one (7).
-* The exceptions for frozen balls (8), and the ball that is spotted if all balls are behind the head string (9.5), are
-  missing. A player who shoots from behind the head string may first touch a ball behind it.
-
-The kernels have the arguments of `entry.Game`.
+github.com/chalkysticks/api, `1_pocket_wpa.php`. A later edition dates from 9 October 2021.
+`Game.left_out` lists the simplifications. The kernels have the arguments of `entry.Game`.
 """
 
 from __future__ import annotations
@@ -116,6 +108,14 @@ GAMES = {
         one_pocket,
         won_by="`target` points: balls in the own foot corner, by default a majority",
         foot_corners=True,
+        sources=("OnePocket.org, adopted on 19 January 2005; secondary source",),
+        left_out=(
+            ("2.1", "player 0 owns pocket 2, the foot corner with y < 0, and player 1 pocket 3"),
+            ("7", "the third foul in a row loses without a warning"),
+            ("8", "no exceptions for frozen balls"),
+            ("9.2", "balls are spotted after each shot, and not at the end of the inning"),
+            ("9.5", "no ball is spotted if all are behind the head string: a ball behind it may be touched first"),
+        ),
         facts=(*USUAL, foot_right, foot_left),
         page=(
             ("to win", "score the target with a point for each ball in your own pocket"),

@@ -31,7 +31,6 @@ from billiards_env.games.game_state import (
     NO_SHOT,
     NOT_IN_HAND,
     REPLACE,
-    VERDICT,
     changed,
     in_play,
     is_in,
@@ -43,7 +42,7 @@ from billiards_env.games.game_state import (
 )
 from billiards_env.games.placement import cue_ball_point
 from billiards_env.games.referee import GAMES, callable_balls, first_state, legal_balls
-from billiards_env.games.turn import call_without_shots, look_at_games, next_games, table_of
+from billiards_env.games.turn import look_at_games, next_games, table_of
 from billiards_env.jit import kernels_of
 from billiards_env.scene import Scene, check_ends_on_cloth, check_positions, check_scene, layouts
 from billiards_env.scene.outline import Point
@@ -432,26 +431,16 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     shot_input = ShotInput(positions, velocities, spins, balls, cue, heights, scene.physics.max_time or math.inf)
     strike_frozen(scene, scene_fields(scene), shot_input.as_batch())
     shot = run_shot(scene, shot_input, setup.engine, record=True)
-    if no_shot:
-        none = row({}, setup.game_rules.facts_type), row({}, VERDICT)
-        return PlayedShot(_without_shot(setup, game, stroke.call), shot_input, shot, *none)
-    rules, call = setup.game_rules, stroke.call
+    rules, call, last = setup.game_rules, stroke.call, game.before or game
     calls = np.array([row({**call._asdict(), "kind": CALLS.index(call.kind)}, CALL)])
+    before = last.positions[None], np.array([last.state])
     with kernels_of(f"rules = {setup.rules!r}"):
-        facts, end = facts_of(rules.facts, shot, calls), shot.positions[None]
-        (positions,), (following,), (verdict,) = next_games(rules, scene, end, np.array([state]), facts, calls)
-    before = game._replace(before=None) if following.choices >> REPLACE & 1 else None
-    return PlayedShot(GameState(positions, following, before), shot_input, shot, facts[0], verdict)
-
-
-def _without_shot(setup: Setup, game: GameState, call: Call) -> GameState:
-    """Returns the state after a player has played no shot, by a call of `NO_SHOT`."""
-    now, before = ((one.positions[None].copy(), np.array([one.state])) for one in (game, game.before or game))
-    calls = np.array([row({"ball": -1, "kind": CALLS.index(call.kind)}, CALL)])
-    with kernels_of(f"rules = {setup.rules!r}"):
-        call_without_shots(setup.game_rules.kernels, setup.placement_table, calls, *now, before)
-    (positions,), (state,) = now
-    return GameState(positions, state)
+        facts, end = facts_of(rules.facts, shot, calls), game.positions if no_shot else shot.positions
+        (positions,), (following,), (verdict,) = next_games(
+            rules, scene, end[None], np.array([state]), facts, calls, before, setup.rack
+        )
+    replaceable = game._replace(before=None) if following.choices >> REPLACE & 1 and not no_shot else None
+    return PlayedShot(GameState(positions, following, replaceable), shot_input, shot, facts[0], verdict)
 
 
 def check_stroke(scene: Scene, stroke: Stroke, of: str = "") -> None:

@@ -12,23 +12,7 @@ What changes:
   4.4).
 * Ten ball has no safety call (WPA 9.6, WPA 2025 6.5).
 
-The rules are simplified:
-
-* In eight ball, ten ball and straight pool, shots are called (WPA 1.6) only in a state with `call_shot`. Otherwise any
-  ball potted on a legal shot counts, in any pocket.
-* No lines are checked: a player who shoots from behind the head string may first touch a ball behind it (6.11, WPA 2025
-  3.11), and nine ball has no three-ball rule for the break (WPA 2025, regulation 16), which organisers may leave out.
-* After a break of eight ball that touches no ball, the cue ball is in hand; the player cannot leave it (3.3 h).
-* A player may call a stalemate (1.12) after six turns of each player without a pot, a point or a foul. In straight pool
-  there is no new lag (4.12): the same player breaks.
-* Without a choice the balls are accepted as they lie: a rack of eight ball is not racked again (3.3), a breaker of
-  straight pool need not break again (4.3), and an eight ball potted on the break is spotted.
-* A ball frozen to a cushion counts as driven to it when it is hit into it. WPA 8.4 requires that it first leaves the
-  cushion.
-* Three consecutive fouls are penalised without a warning after the second one (6.14). In nine ball and ten ball this
-  needs two players, in straight pool a target.
-
-The kernels have the arguments of `entry.Game`.
+`Game.left_out` of the entries lists the simplifications. The kernels have the arguments of `entry.Game`.
 """
 
 from __future__ import annotations
@@ -336,11 +320,21 @@ _FOUL = ("foul", "cue ball potted, no ball or a wrong ball hit first, no cushion
 _TURN = ("turn", "a player continues after a legal pot")
 _AFTER = ("after a foul", "cue ball anywhere; with two players, three fouls in a row lose")
 _BREAK = ("break", "pot a ball, or drive four balls to a cushion")
+_BEHIND = ("6.11", "a player who shoots from behind the head string may first touch a ball behind it")
+_FROZEN = ("8.4", "a ball frozen to a cushion counts as driven to it if it is hit into it, without leaving it first")
+_STALEMATE = ("1.12", "a player calls a stalemate, after six turns of each player without a pot, a point or a foul")
+_CALLED = ("1.6", "without `call_shot`, any ball potted on a legal shot counts, in any pocket")
+_LEFT_OUT = _BEHIND, _FROZEN, _STALEMATE
+_FOULS = ("6.14", "the third foul in a row loses without a warning, and only with two players")
 _POOL = functools.partial(
     Game,
     scene="pool",
     layouts=("rack", "tight_rack", "random"),
     editions=EDITIONS,
+    sources=(
+        "World Pool-Billiard Association (WPA), effective 15 March 2016",
+        "WPA, effective 15 September 2025; secondary sources, see `pool`",
+    ),
     look=offer_new_rack,
     without_shot=rack_and_break,
     facts=(*USUAL, driven),
@@ -360,6 +354,14 @@ GAMES = {
         counts_fouls=True,
         facts=(*USUAL, driven, cue_driven),
         rack=rack_again,
+        left_out=(
+            *_LEFT_OUT,
+            _CALLED,
+            ("4.3", "without a choice, a breaker need not break again"),
+            ("4.4", "without a target the game is one rack"),
+            ("4.11", "the third foul in a row costs points without a warning, and only with a target"),
+            ("4.12", "no lag after a stalemate: the player who broke breaks again"),
+        ),
         page=(
             ("to win", "score the target with a point for each ball; without one, most points in a rack"),
             ("break", "pot a ball, or drive the cue ball and two others to a cushion; else 2 points are lost"),
@@ -381,6 +383,12 @@ GAMES = {
         state=groups_of,
         facts=(*USUAL, driven, first_potted),
         without_shot=rack_eight_ball,
+        left_out=(
+            *_LEFT_OUT,
+            _CALLED,
+            ("3.3", "without a choice, no rack is repeated, and an eight ball potted on the break is spotted"),
+            ("3.3 h", "after a break that hits no ball the cue ball is in hand, and cannot stay where it lies"),
+        ),
         page=(
             ("to win", "pot all balls of your group, then the 8"),
             ("groups", "solids 1 to 7, stripes 9 to 15, or reds and yellows; the first pot after the break decides"),
@@ -395,6 +403,7 @@ GAMES = {
         n_object_balls=(9, 9),
         won_by="potting the nine ball",
         deciding_ball=9,
+        left_out=(*_LEFT_OUT, _FOULS, ("2025, regulation 16", "no three-ball rule for the break")),
         page=(
             ("to win", "pot the 9 on a legal shot; any ball may be potted"),
             ("on", "the lowest ball must be touched first"),
@@ -411,6 +420,7 @@ GAMES = {
         callable=any_ball,
         without_safety=("2025",),
         deciding_ball=10,
+        left_out=(*_LEFT_OUT, _CALLED, _FOULS),
         page=(
             ("to win", "pot the 10 as the last ball; before that, and on the break, it is spotted"),
             ("on", "the lowest ball must be touched first; any ball may be potted"),

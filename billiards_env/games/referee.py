@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from billiards_env.games import bank_pool, blackball, carom, one_pocket, pool, snooker
 from billiards_env.games.entry import Game
+from billiards_env.games.facts import driven_off, name_of, potted, return_type
 from billiards_env.games.game_state import (
     BEHIND,
     BREAKING_FOUL,
@@ -28,12 +29,14 @@ from billiards_env.games.game_state import (
     VERDICT,
     RulesState,
     check_indices,
+    check_type,
+    hints_of,
     row,
     set_of,
     write_verdict,
 )
 from billiards_env.jit import entry_point, inlined, kernels_of
-from billiards_env.support.checks import Range, add_entry, entry_of, one_of, sequence
+from billiards_env.support.checks import Range, add_entry, check_call, entry_of, one_of, result_of, sequence, short
 
 FAMILIES = pool, one_pocket, bank_pool, blackball, snooker, carom
 """The modules with the rules of the games."""
@@ -61,7 +64,12 @@ GAMES: dict[str, Game] = {name: game for family in FAMILIES for name, game in fa
 
 
 def register_game(name: str, game: Game) -> None:
-    """Adds a game of another package to `GAMES`. The errors are those of `checks.add_entry`."""
+    """Adds a game of another package to `GAMES`. The errors are those of `checks.add_entry`.
+
+    Raises:
+        TypeError: Also if the own state or the facts have other types than those that `Game` describes.
+        ValueError: Also if the game lacks a fact that the referee uses.
+    """
     if isinstance(game, Game):
         for attribute in ("layouts", "cue_balls", "editions"):
             if getattr(game, attribute) == ():
@@ -69,7 +77,27 @@ def register_game(name: str, game: Game) -> None:
         for attribute, names in (("choices", CALLS[PUSH_OUT:]), ("without_safety", game.editions)):
             for one in sequence(f"{attribute} of game {name!r}", getattr(game, attribute)):
                 one_of(f"{attribute} of game {name!r}", one, names)
-    add_entry("game", name, game, GAMES, Game, _RANGES, **ARGUMENTS)
+    add_entry("game", name, game, dict(GAMES), Game, _RANGES, **ARGUMENTS)  # checks the types
+    _check_state(f"state of game {name!r}", game)
+    _check_facts(f"facts of game {name!r}", game)
+    GAMES[name] = game
+
+
+def _check_state(what: str, game: Game) -> None:
+    own = result_of(what, object, game.state, game.n_object_balls[1])
+    if not hasattr(own, "_fields"):
+        raise TypeError(f"{what} = {short(own)}: expected a function that returns a NamedTuple")
+    for field, hint in hints_of(RulesState, type(own)).items():
+        check_type(f"field {field!r} of the {what}", hint)
+
+
+def _check_facts(what: str, game: Game) -> None:
+    for fact in game.facts:
+        check_call(f"{what} = {short(fact)}", fact, 3)
+        check_type(f"{name_of(fact)!r} of the {what}", return_type(fact))
+    for fact in (potted, driven_off, game.scoring):
+        if fact not in game.facts:
+            raise ValueError(f"{what} = {[*map(name_of, game.facts)]}: expected {name_of(fact)!r} among them")
 
 
 def judge_shots(

@@ -3,17 +3,7 @@
 "WPBSA" is section 3 of the Official Rules of the Games of Snooker and English Billiards of the World Professional
 Billiards and Snooker Association; its list of amendments ends in November 2014. The source is secondary: a copy of this
 text in github.com/chalkysticks/api, `snooker_wpbsa.php`. The balls 1 to `reds` are red; yellow, green, brown, blue,
-pink and black follow. The rules are simplified:
-
-* A player who nominates no ball nominates the colour, or with a free ball the ball, that the cue ball touches first
-  (3.3, 3.12).
-* The only push stroke (2.19) is a shot at a ball that touches the cue ball: the cue ball hits this ball first, before a
-  cushion.
-* After a tie no lots are drawn (3.4 b), because a game depends on its strokes alone. The next player has the choice of
-  the winner of the lot: to play first at the re-spotted black, or to let the other player play first.
-* With the miss rule, every shot that does not touch a ball on first is a miss, unless a player needs penalty points
-  (3.14). The referee does not judge the effort of a player. A cue ball in hand is placed again after a miss.
-* A player may call a stalemate (3.16) after six turns of each player without a pot, a point or a foul.
+pink and black follow. `Game.left_out` lists the simplifications.
 
 The kernels have the arguments of `entry.Game`; sets of balls are bit masks.
 """
@@ -430,6 +420,15 @@ GAMES = {
         n_players=(2, 2),
         target=no_target,
         editions=("2014",),
+        sources=("World Professional Billiards and Snooker Association (WPBSA), November 2014; secondary source",),
+        left_out=(
+            ("2.19", "the only push stroke: the cue ball first hits a ball that touches it, before a cushion"),
+            ("3.3, 3.12", "a player who nominates no ball nominates the one that the cue ball touches first"),
+            ("3.4 b", "after a tie no lots are drawn: the next player has the choice of the winner of the lot"),
+            ("3.12", "in hand, the cue ball is snookered if it is from 81 places of a grid around the D"),
+            ("3.14", "each shot that hits no ball on first is a miss, unless a player needs penalty points"),
+            ("3.16", "a player calls a stalemate, after six turns of each player without a pot, a point or a foul"),
+        ),
         choices=("hand_back", "replace", "stalemate"),
         deciding_ball=-1,
         has_spots=True,

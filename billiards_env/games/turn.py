@@ -1,14 +1,20 @@
 """The turn of a game: from a shot, or from a call without a shot, to the state before the next shot.
 
-After a shot its facts are recorded, the rules judge it, balls return to the table, the turn changes, and the rules look
-at the balls at rest: snooker may give a free ball, and balls may touch. The kernels change one game in place:
-`positions`, (n, 2) m, and `state`, a row of `Game.state_type`. Their argument `rules`, the `entry.Rules` of the game,
-chooses the code.
+The parts of a turn, each a field of `Game` with a default where a game may leave it out:
+
+1. The player may touch the balls of `legal` first, may call those of `callable`, and has the `choices` of the state.
+2. After the shot `record` and `see` find its facts.
+3. `judge` returns the verdict. `referee.judged` counts points and fouls, and changes the player.
+4. `spot` and `rack` return balls to the table.
+5. `settle` and `look` add what follows from the balls at rest: snooker may give a free ball, and balls may touch.
+
+After a call without a shot, `without_shot` or `replace` changes the balls instead of 2 to 4. The kernels change one
+game in place. Their argument `rules`, the `entry.Rules` of the game, chooses the code.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +31,7 @@ from billiards_env.games.game_state import (
     STALEMATE,
     VERDICT,
     check_indices,
+    verdict,
     write_verdict,
 )
 from billiards_env.games.placement import PlacementNumbers, no_room, placement_area, placement_numbers
@@ -34,69 +41,98 @@ from billiards_env.physics.state import X, Y
 from billiards_env.scene import Scene
 
 
-@inlined
-def after_shot(rules, table, positions, state, facts, call):  # out: positions, state
-    """Judges a shot, and changes the positions and the state after it to those before the next shot.
+class Games(NamedTuple):
+    """The arrays of m games that a turn changes.
 
-    Spotted balls and new racks are placed. A potted cue ball keeps its position, and is in hand.
-
-    Args:
-        rules: The `entry.Rules` of the game.
-        table: The `PlacementNumbers` of `table_of`.
-        positions: (n, 2) m, after the shot, which change.
-        state: A row of `Game.state_type` before the shot, which changes.
-        facts: A row of `Game.facts_type`, which changes.
-        call: A row of `CALL`.
-
-    Returns:
-        The `Verdict`, and a ball for which there is no room on the table, or -1.
+    Attributes:
+        positions: (m, n, 2) m.
+        states: (m,) `Game.state_type`.
+        facts: (m,) `Game.facts_type`, of the last shots.
+        calls: (m,) `CALL`.
+        before_positions: (m, n, 2) m, before the last shots, for the call "replace".
+        before_states: (m,) `Game.state_type`.
     """
-    cue, others = state.cue_balls[0], state.object_balls & ~(facts.potted | facts.driven_off)
-    rules.see(table, positions, state, facts, call)
-    verdict = judged(rules.judge, state, facts, call)
-    in_play = others if state.in_hand != NOT_IN_HAND else others | 1 << cue  # a cue ball in hand does not block a spot
-    failed = rules.spot(table, positions, verdict.spotted, in_play, cue)
-    if verdict.rack == RERACK_REST:
-        state.in_hand = rules.rack(table, positions, others, cue)
-    elif verdict.rack != NO_RERACK:
-        rules.rack(table, positions, 0, state.cue_balls[0])
-    rules.settle(table, positions, state, verdict)
-    if not state.over:
-        rules.look(table, positions, state)
-    return verdict, failed
+
+    positions: Any
+    states: Any
+    facts: Any
+    calls: Any
+    before_positions: Any
+    before_states: Any
 
 
 @inlined
-def without_shot(rules, table, k, call, positions, states, before):  # out: positions, states, before
-    """Changes game k after a call without a shot, one of `game_state.NO_SHOT`.
+def take_turn(rules, table, k, games):  # out: games
+    """Changes game k to the state before the next shot: after a shot, or after a call of `game_state.NO_SHOT`.
 
     Args:
         rules: The `entry.Rules` of the game.
         table: The `PlacementNumbers` of `table_of`.
         k: The game.
-        call: A row of `CALL`.
-        positions: (m, n, 2) m, which change.
-        states: (m,) `Game.state_type`, which change.
-        before: The positions and the states before the last shot, for "replace". They change, see
-            `Game.replace`.
+        games: `Games`. The positions are those after the shot, and the states those before it.
+
+    Returns:
+        The `Verdict`, and a ball for which there is no room on the table, or -1.
     """
-    state = states[k]
-    if call.kind != REPLACE:
-        rules.without_shot(table, positions[k], state, call.kind)
-        if call.kind == HAND_BACK or call.kind == BREAK_AGAIN:
+    if games.calls[k].kind >= HAND_BACK:
+        without_shot(rules, table, k, games)
+        return verdict(), -1
+    return after_shot(rules, table, games.positions[k], games.states[k], games.facts[k], games.calls[k])
+
+
+@inlined
+def after_shot(rules, table, positions, state, facts, call):  # out: positions, state
+    """Judges a shot, returns balls to the table, and sets up the next turn.
+
+    The positions, (n, 2) m, and the state of one game become those before the next shot. A potted cue ball keeps its
+    position, and is in hand. The results are those of `take_turn`.
+    """
+    cue, others = state.cue_balls[0], state.object_balls & ~(facts.potted | facts.driven_off)
+    rules.see(table, positions, state, facts, call)
+    judgement = judged(rules.judge, state, facts, call)
+    failed = put_back(rules, table, positions, state, judgement, (cue, others))
+    rules.settle(table, positions, state, judgement)
+    if not state.over:
+        rules.look(table, positions, state)
+    return judgement, failed
+
+
+@inlined
+def put_back(rules, table, positions, state, judgement, lying):  # out: positions, state
+    """Spots balls and places a new rack after a shot.
+
+    Returns a ball for which there is no room on the table, or -1. `lying` has the cue ball of the shot and the set of
+    the object balls that stayed on the table.
+    """
+    cue, others = lying
+    in_play = others if state.in_hand != NOT_IN_HAND else others | 1 << cue  # a cue ball in hand does not block a spot
+    failed = rules.spot(table, positions, judgement.spotted, in_play, cue)
+    if judgement.rack == RERACK_REST:
+        state.in_hand = rules.rack(table, positions, others, cue)
+    elif judgement.rack != NO_RERACK:
+        rules.rack(table, positions, 0, state.cue_balls[0])
+    return failed
+
+
+@inlined
+def without_shot(rules, table, k, games):  # out: games
+    """Changes game k after a call without a shot. The arguments are those of `take_turn`."""
+    positions, state, kind = games.positions[k], games.states[k], games.calls[k].kind
+    if kind == REPLACE:
+        rules.replace(state, games.before_states[k])
+        games.states[k] = games.before_states[k]
+        for i in range(len(positions)):
+            positions[i, X], positions[i, Y] = games.before_positions[k, i, X], games.before_positions[k, i, Y]
+    else:
+        rules.without_shot(table, positions, state, kind)
+        if kind in (HAND_BACK, BREAK_AGAIN):
             state.player = (state.player - 1) % state.n_players
-        elif call.kind == STALEMATE:
+        elif kind == STALEMATE:
             state.player = state.breaker
             for i in range(MOST_PLAYERS):
                 state.fouls[i] = 0
-    else:
-        positions_before, states_before = before
-        rules.replace(state, states_before[k])
-        states[k] = states_before[k]
-        for i in range(positions.shape[1]):
-            positions[k, i, X], positions[k, i, Y] = positions_before[k, i, X], positions_before[k, i, Y]
     state.choices = 0
-    rules.look(table, positions[k], state)
+    rules.look(table, positions, state)
 
 
 @entry_point
@@ -107,21 +143,14 @@ def look_at_games(rules, table, positions, states):  # out: states
 
 
 @entry_point
-def finish_shots(rules, table, positions, states, facts, calls, verdicts):  # out: positions, states, verdicts
-    """Runs `after_shot` for m games. Returns a ball for which there is no room on the table of a game, or -1."""
-    failed = -1
-    for k in range(len(states)):
-        verdict, without_room = after_shot(rules, PlacementNumbers(*table), positions[k], states[k], facts[k], calls[k])
+def take_turns(rules, table, games, verdicts):  # out: games, verdicts
+    """Runs `take_turn` for m games. Returns a ball for which there is no room on the table of a game, or -1."""
+    failed, games = -1, Games(*games)
+    for k in range(len(games.states)):
+        judgement, without_room = take_turn(rules, PlacementNumbers(*table), k, games)
         failed = max(failed, without_room)
-        write_verdict(verdict, verdicts[k])
+        write_verdict(judgement, verdicts[k])
     return failed
-
-
-@entry_point
-def call_without_shots(rules, table, calls, positions, states, before):
-    """Runs `without_shot` for m games."""
-    for k in range(len(states)):
-        without_shot(rules, PlacementNumbers(*table), k, calls[k], positions, states, before)
 
 
 def table_of(rules: Game, scene: Scene, target: int, rack: str = "") -> tuple[Any, ...]:
@@ -157,6 +186,8 @@ def next_games(
     states: NDArray[Any],
     facts: NDArray[Any],
     calls: NDArray[Any],
+    before: tuple[NDArray[np.float64], NDArray[Any]] | None = None,
+    rack: str = "",
 ) -> tuple[NDArray[np.float64], NDArray[Any], NDArray[Any]]:
     """Returns m games of one kind before their next shots.
 
@@ -166,7 +197,9 @@ def next_games(
         positions: (m, n, 2) m, after the shots.
         states: (m,) `Game.state_type`, before the shots.
         facts: (m,) `Game.facts_type`, of the shots.
-        calls: (m,) `CALL`, of the shots.
+        calls: (m,) `CALL`, of the shots, or calls without a shot.
+        before: The positions and the states before the last shots, for the call "replace".
+        rack: `Setup.rack`.
 
     Returns:
         (m, n, 2) positions, m, (m,) `Game.state_type`, and (m,) `VERDICT` of the shots.
@@ -179,9 +212,9 @@ def next_games(
     if len(set(lengths)) > 1:
         raise ValueError(f"positions, states, facts and calls of lengths {lengths}: expected one length")
     check_indices(states, scene.n_balls)
-    table = table_of(rules, scene, states["target"].max(initial=0))
-    positions, states, verdicts = np.array(positions), states.copy(), np.zeros(len(states), VERDICT)
-    failed = finish_shots(rules.kernels, table, positions, states, facts, calls, verdicts)
+    table, verdicts = table_of(rules, scene, states["target"].max(initial=0), rack), np.zeros(len(states), VERDICT)
+    games = Games(np.array(positions), states.copy(), facts.copy(), calls, *(before or (positions, states.copy())))
+    failed = take_turns(rules.kernels, table, tuple(games), verdicts)
     if failed >= 0:
         raise no_room(placement_area(scene, failed, False))
-    return positions, states, verdicts
+    return games.positions, games.states, verdicts

@@ -1,6 +1,7 @@
 """Players that need no training, such as search, aim and the planner.
 
 Modules:
+    batch: Simulates and judges many shots from one position.
     situation: What a player gets, and the situation in a game.
     strategies: The players random, geometric, search and aim.
     aim: The velocity that reaches goals, by Gauss-Newton steps.

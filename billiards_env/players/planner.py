@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.games import NO_CALL, Call, GameState, Setup, Stroke, choices
-from billiards_env.games.batch import PlayedBatch, play_batch
 from billiards_env.players import run_outs
+from billiards_env.players.batch import PlayedBatch, play_batch
 from billiards_env.players.candidates import LEAST_CANDIDATES, TIPS, Candidates, candidates, rotated
 from billiards_env.players.values import Values
 from billiards_env.pots.budget import Budget

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from billiards_env.envs.actions import PLAYED, action_named
 from billiards_env.games import GameState, Setup, Stroke, play
-from billiards_env.games.batch import best_call, play_batch
 from billiards_env.games.game_state import is_in, on_table
 from billiards_env.games.placement import Point, cue_ball_area, cue_ball_point
 from billiards_env.games.playing import check_stroke
 from billiards_env.players.aim import FirstTouch, Goal, Pot, carom_goals
+from billiards_env.players.batch import best_call, play_batch
 from billiards_env.players.hints import only_banks
 from billiards_env.pots.finder import PotShots, pot_shots
 from billiards_env.shots.tables import Tables

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.games import GameState, Setup
-from billiards_env.games.batch import PlayedBatch
 from billiards_env.games.game_state import ANYWHERE, SCRATCH
 from billiards_env.games.pool import EIGHT
 from billiards_env.games.referee import legal_balls
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.players import run_outs
+from billiards_env.players.batch import PlayedBatch
 from billiards_env.players.hints import hints_of, only_banks
 from billiards_env.players.run_outs import FLOOR
 from billiards_env.pots.finder import APPROACH, CUT_COS, RUN, TOLERANCE, WIDTH, find_pots

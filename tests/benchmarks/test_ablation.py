@@ -15,7 +15,7 @@ UNUSED = (
     "derivatives",
     "drawing",
     "envs.turns",
-    "games.batch",
+    "players.batch",
     "games.playing",
     "games.records",
     "games.turn",

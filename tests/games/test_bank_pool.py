@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from billiards_env.games import GAMES, Call
-from billiards_env.games.batch import best_call
 from billiards_env.games.facts import facts_of_shots
+from billiards_env.players.batch import best_call
 from tests.helpers.games import facts_in_words, judge, record_of, ruling, setup, state
 
 BEHIND: dict[str, Any] = {"in_hand": "behind"}

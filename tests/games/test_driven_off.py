@@ -124,10 +124,10 @@ def test_every_state_of_a_game_with_flight_can_be_set(rules, edition):
     env, envs, game = make_env(**arguments), make_vector_env(2, **arguments), billiards_v0.raw_env(**arguments)
     for one in (env, envs, game):
         one.reset(seed=1)
-    rng, fouls = np.random.default_rng(0), []
+    rng, fouls, settings = np.random.default_rng(0), [], game.setup
     for _ in range(40):
         before = env.game
-        target = before.positions[rng.choice(env.model.setup.legal(before.state))]
+        target = before.positions[rng.choice(settings.legal(before.state))]
         away = target - before.positions[before.state.cue_balls[0]]
         action = rng.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32)
         action[:2] = away / np.hypot(*away) * rng.uniform(0.2, 1.0)
@@ -142,7 +142,7 @@ def test_every_state_of_a_game_with_flight_can_be_set(rules, edition):
             one.set_state(one.get_state())
         state = env.game.state
         check_positions(env.scene, env.game.positions, in_play=is_in(on_table(state), env.scene.n_balls))
-    assert env.model.setup.game_rules.pockets or "driven_off" in fouls
+    assert settings.game_rules.pockets or "driven_off" in fouls
 
 
 def judged(rules, before, call=NO_CALL, **facts):

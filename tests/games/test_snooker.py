@@ -7,11 +7,11 @@ import pytest
 
 from billiards_env import Scene, games
 from billiards_env.games import Call, Setup, Stroke, custom_opening, opening, play
-from billiards_env.games.batch import play_batch
 from billiards_env.games.game_state import changed, set_of
 from billiards_env.games.placement import SPOT_GAP
 from billiards_env.games.snooker import points_left
 from billiards_env.games.turn import next_games
+from billiards_env.players.batch import play_batch
 from billiards_env.scene.layouts import layout_plan
 from tests.helpers.games import judge, one_shot, record_of, ruling, state, words
 

@@ -9,7 +9,7 @@ from billiards_env.games import GAMES, Call, opening
 from billiards_env.games.game_state import changed
 from billiards_env.games.playing import opening_state
 from billiards_env.games.referee import first_state
-from billiards_env.games.turn import call_without_shots, next_games
+from billiards_env.games.turn import next_games
 from tests.helpers.games import one_call, setup
 
 COUNT = 40
@@ -36,19 +36,22 @@ def test_games_do_not_depend_on_each_other(rules):
     assert [array.tobytes() for array in shots] == before
     assert many[2]["spotted"].any()
     for k in range(COUNT):
-        single = next_games(settings.game_rules, settings.scene, *(array[k : k + 1] for array in shots))
+        one: Any = [array[k : k + 1] for array in shots]
+        single = next_games(settings.game_rules, settings.scene, *one)
         assert [array[k].tobytes() for array in many] == [array.tobytes() for array in single]
 
 
 def test_calls_without_a_shot():
     rng = np.random.default_rng(0)
-    now, old = rng.random((2, 3, 2)), rng.random((2, 3, 2))
-    before = first_state("snooker", 3, player=1, scores=(1, 2, 0, 0), object_balls=0, reds=0, colour=True, choices=8)
+    now, old = rng.random((2, 7, 2)), rng.random((2, 7, 2))
+    before = first_state("snooker", 7, player=1, scores=(1, 2, 0, 0), object_balls=0, reds=0, colour=True, choices=8)
     state = changed(before, player=0, scores=(1, 6, 0, 0), fouls=(0, 1, 0, 0), free_ball=True, choices=24, in_hand=1)
     calls = np.concatenate([one_call(Call(kind=kind)) for kind in ("hand_back", "replace")])
-    positions, states = now.copy(), np.array([state] * 2)
-    rules, table = GAMES["snooker"], setup("snooker").placement_table
-    call_without_shots(rules.kernels, table, calls, positions, states, (old, np.array([before] * 2)))
+    settings, states = setup("snooker", 6), np.array([state] * 2)
+    facts = np.zeros(2, GAMES["snooker"].facts_type)
+    positions, states, _ = next_games(
+        GAMES["snooker"], settings.scene, now, states, facts, calls, (old, np.array([before] * 2))
+    )
     assert positions.tolist() == [now[0].tolist(), old[1].tolist()]
     assert states[0] == changed(state, player=1, choices=0, free_ball=False)
     assert states[1] == changed(before, scores=state.scores, fouls=state.fouls, choices=0)

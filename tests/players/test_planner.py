@@ -10,9 +10,9 @@ import pytest
 from billiards_env import Engine, Scene, strike
 from billiards_env.bench.evaluation import measure
 from billiards_env.games import GameState, Setup, Stroke, choices, custom_opening, opening, play
-from billiards_env.games.batch import play_batch
 from billiards_env.games.game_state import BEHIND, changed
 from billiards_env.players import candidates, planner
+from billiards_env.players.batch import play_batch
 from billiards_env.players.candidates import TIPS, _with_spin
 from billiards_env.players.env_player import acting
 from billiards_env.players.levels import EXPECTED, LEVELS, expected, level_of, with_noise

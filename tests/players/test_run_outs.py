@@ -3,10 +3,10 @@
 import numpy as np
 
 from billiards_env.games import custom_opening
-from billiards_env.games.batch import unplayed
 from billiards_env.games.game_state import ANYWHERE
 from billiards_env.games.referee import legal_balls
 from billiards_env.players import run_outs
+from billiards_env.players.batch import unplayed
 from billiards_env.players.planner import plan
 from billiards_env.players.values import Values
 from tests.helpers.games import setup

@@ -13,7 +13,7 @@ from billiards_env.engine import frozen_strike
 from billiards_env.engine.frozen_strike import LEFT
 from billiards_env.envs import make_env, make_vector_env, step
 from billiards_env.games import Setup, Stroke, custom_opening, play
-from billiards_env.games.batch import play_batch
+from billiards_env.players.batch import play_batch
 from billiards_env.shots import simulation
 
 POOL = Scene.named("pool", 2)

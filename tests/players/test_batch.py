@@ -10,8 +10,8 @@ from billiards_env.envs.arguments import make_model
 from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.tasks import TASKS
 from billiards_env.games import CALL, FOULS, GAMES, Call, Stroke, custom_opening, opening, play, referee
-from billiards_env.games.batch import best_call, play_batch
 from billiards_env.games.game_state import changed, in_play, members, set_of
+from billiards_env.players.batch import best_call, play_batch
 from tests.helpers.games import setup, state
 
 CALLED = [name for name in GAMES if GAMES[name].callable]
