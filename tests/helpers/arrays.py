@@ -3,7 +3,8 @@
 import contextlib
 from collections.abc import Iterator
 
-from numba.core.runtime import _nrt_python, rtsys
+from numba.core.runtime import _nrt_python  # pyright: ignore[reportAttributeAccessIssue]
+from numba.core.runtime.nrt import rtsys
 
 
 @contextlib.contextmanager
