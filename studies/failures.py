@@ -73,7 +73,7 @@ FAILURES: dict[str, Failure] = {
     ),
     "penetration": Failure(
         title="Penetrating balls",
-        text="A test finds the balls deep in each other: the line of centres has turned, so both go wrong.",
+        text="A test finds the balls deep in each other: the line of centres has turned, so both go the wrong way.",
         scene=_scene(mass=0.2, max_time=0.4),
         positions=((-0.4, 0.0), (0.015, 0.036)),
         velocities=((2.0, 0.0), (0.0, 0.0)),
