@@ -164,6 +164,6 @@ def _expected(scene: Scene, shots: Sequence[PreparedTrack], most: Floats) -> str
     plain, exchanged = ((order <= limit).all(axis=1).mean() for order in (places, places[:, ::-1]))
     table, named = scene.table, ((name, Scene.named(name)) for name in SCENES)
     name = next((f" of {name}" for name, one in named if (one.table, one.physics) == (table, scene.physics)), "")
-    question = " (are x and y exchanged?)" if exchanged > max(plain, 0.99) else ""
-    sizes = f"{table.length:.4g} x {table.width:.4g} m, with x along its length"
-    return f"expected metres from the centre of the table{name}, {sizes}{question}, or frame='fit'"
+    along = "x along its length" + " (are x and y exchanged?)" * bool(exchanged > max(plain, 0.99))
+    size = f"{table.length:.4g} x {table.width:.4g} m"
+    return f"expected metres from the centre of the table{name}, {size}, with {along}, or frame='fit'"

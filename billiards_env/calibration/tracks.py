@@ -115,10 +115,7 @@ def write_tracks(path: str | os.PathLike[str], tracks: Sequence[Track]) -> None:
 
 
 def read_tracks(
-    path: str | os.PathLike[str],
-    unit: str = "m",
-    fps: float | None = None,
-    columns: Mapping[str, str] | None = None,
+    path: str | os.PathLike[str], unit: str = "m", fps: float | None = None, columns: Mapping[str, str] | None = None
 ) -> list[Track]:
     """Reads a file of tracks, compressed by gzip if its name ends in ".gz".
 
