@@ -128,6 +128,7 @@ def test_the_page_plays_a_shot_and_its_address_holds_it(engine, tab, tmp_path):
     ends = "JSON.stringify(billiards.shots.map(shot => shot.positions))"
     dragged = page.evaluate(ends)
     assert opened(page.url).evaluate(ends) == dragged
+    page.select_option("#rate", "0.05")
     page.locator("#exact").focus()
     page.keyboard.press("]")
     assert page.inner_text("#dt-name") == "1/40 s"
