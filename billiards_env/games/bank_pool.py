@@ -33,7 +33,7 @@ def bank_pool(state, facts, call):
     if foul == SCRATCH:
         state.in_hand = BEHIND
     if foul != NO_FOUL:
-        if state.target > 0 and state.fouls[player] == 2:
+        if state.target > 0 and state.fouls[player] >= 2:
             end(state, 1 - player)
         return verdict(foul, -1, spotted=facts.potted | facts.driven_off | penalty_ball(state))
     if state.break_shot:

@@ -126,7 +126,7 @@ class RulesState(NamedTuple):
     player: Player = 0
     n_players: FoundNumber = 2
     scores: Annotated[tuple[int, int, int, int], Field(least=-MAX_SCORE)] = (0, 0, 0, 0)
-    fouls: Annotated[tuple[int, int, int, int], Field(most=2)] = (0, 0, 0, 0)
+    fouls: Annotated[tuple[int, int, int, int], Field()] = (0, 0, 0, 0)
     balls: FoundBalls = 0
     object_balls: Balls = 0
     cue_balls: tuple[int, int] = (CUE_BALL, CUE_BALL)

@@ -78,7 +78,7 @@ def one_pocket(state, facts, call):
     score, others = state.scores[player] + points, state.scores[other] + size(theirs)
     if 0 < state.target <= score:
         end(state, player)
-    elif state.target > 0 and (others >= state.target or (foul != NO_FOUL and state.fouls[player] == 2)):
+    elif state.target > 0 and (others >= state.target or (foul != NO_FOUL and state.fouls[player] >= 2)):
         end(state, other)
     else:
         end_of_rack(state, facts, spotted, score, others)

@@ -164,7 +164,7 @@ def straight(state, facts, call):
             state.choices = 1 << BREAK_AGAIN
             return verdict(BREAKING_FOUL, -BREAK_PENALTY, spotted=balls)
     if foul != NO_FOUL:
-        if state.target > 0 and state.fouls[player] == 2:
+        if state.target > 0 and state.fouls[player] >= 2:
             state.in_hand = BEHIND
             return verdict(foul, -1 - FOULS_PENALTY, continues=True, rack=RERACK_ALL)
         return verdict(foul, -1, spotted=balls)
@@ -249,7 +249,7 @@ def rotation(state, facts, call, last, counted, wins):
         foul = ILLEGAL_BREAK
     if foul != NO_FOUL:
         state.in_hand = ANYWHERE
-        if state.fouls[state.player] == 2 and state.n_players == 2:
+        if state.fouls[state.player] >= 2 and state.n_players == 2:
             end(state, 1 - state.player)
         return verdict(foul, spotted=spotted)
     if wins:

@@ -423,6 +423,7 @@ GAMES = {
         sources=("World Professional Billiards and Snooker Association (WPBSA), November 2014; secondary source",),
         left_out=(
             ("2.19", "the only push stroke: the cue ball first hits a ball that touches it, before a cushion"),
+            ("2.20", "in scenes with flight, a jump shot is no foul"),
             ("3.3, 3.12", "a player who nominates no ball nominates the one that the cue ball touches first"),
             ("3.4 b", "after a tie no lots are drawn: the next player has the choice of the winner of the lot"),
             ("3.12", "in hand, the cue ball is snookered if it is from 81 places of a grid around the D"),

@@ -15,7 +15,6 @@ UNUSED = (
     "derivatives",
     "drawing",
     "envs.turns",
-    "players.batch",
     "games.playing",
     "games.records",
     "games.turn",

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from billiards_env.engine import PIC, Engine
-from billiards_env.games import GAMES, Call, Stroke, custom_opening, opening, play
+from billiards_env.games import GAMES, Call, Stroke, custom_opening, opening, play, to_dict
 from billiards_env.games.game_state import in_play, is_in
 from billiards_env.scene import check_positions, layouts
 from billiards_env.scene.layouts import PLACING_GAP, draw
@@ -121,6 +121,9 @@ def test_random_games_end_and_keep_all_balls(rules, engine):
             lying = tuple(ball for ball in range(settings.scene.n_balls) if down[ball] == 0)
             assert words(state).on_table == lying
             assert not game.state.over
+            if not state.over:  # a game can begin from each of its states
+                given = {name: to_dict(state)[name] for name in settings.game_rules.given}
+                assert custom_opening(settings, played.game.positions, given).state == state
             assert sum(state.scores) == sum(game.state.scores) + verdict.points + verdict.penalty
             assert (state.player == game.state.player) == verdict.continues
             if engine == PIC:

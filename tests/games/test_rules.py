@@ -407,6 +407,8 @@ def test_the_equalising_inning_begins_at_the_starting_position():  # 29
     assert (after.state.scores[0], after.state.player, after.state.over) == (2, 1, False)
     np.testing.assert_allclose(after.positions[[2, 1, 0]], [START, (FOOT, 0.0), (HEAD, 0.0)])
     assert setup("carom").legal(after.state) == (1,)
+    given = {name: words(after.state).__dict__[name] for name in settings.game_rules.given}
+    assert custom_opening(settings, after.positions, given).state == after.state
 
 
 def test_consecutive_fouls_are_counted():
