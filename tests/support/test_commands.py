@@ -40,6 +40,10 @@ def two_kinds(patch: pytest.MonkeyPatch, module: Any) -> None:
     patch.setattr(module, "KINDS", {name: module.KINDS[name] for name in ("carom", "gas of 16 disks")})
 
 
+def one_kind(patch: pytest.MonkeyPatch, module: Any) -> None:
+    patch.setattr(module, "KINDS", ("grazing",))
+
+
 def few_steps(patch: pytest.MonkeyPatch, module: Any) -> None:
     patch.setattr(module, "measure", functools.partial(module.measure, scale=0.001))
     patch.setattr(module, "DISKS", (2, 16), raising=False)
@@ -52,6 +56,7 @@ def few_engines(patch: pytest.MonkeyPatch, module: Any) -> None:
 
 TINY: dict[str, tuple[str, Callable[[pytest.MonkeyPatch, Any], None]]] = {
     "benchmarks.accuracy": ("--shots 4 --outcomes 10 --passes 1 --workers 1", few_engines),
+    "benchmarks.cushion_error": ("--impacts 1 --workers 1", one_kind),
     "benchmarks.error_limit": ("--shots 1 --workers 1", two_kinds),
     "benchmarks.speed": ("--repeats 1", few_steps),
     "benchmarks.stress": ("--scale 1e-9 --workers 1", few_shots),
