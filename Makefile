@@ -85,6 +85,7 @@ smoke: $(INSTALLED) $(SIMULATORS)  ## short runs of the benchmarks that the test
 	$(BIN)/python -m benchmarks.comparison --shots 1 --passes 1 --output build/comparison.json
 	$(BIN)/python -m benchmarks.accuracy --shots 4 --outcomes 8 --passes 1 --output build/accuracy.json --images build
 	$(BIN)/python -m benchmarks.error_limit --shots 1 --output build/error_limit.json --images build
+	$(BIN)/python -m benchmarks.cushion_error --impacts 1 --output build/cushion_error.json
 	$(BIN)/python -m benchmarks.validation --output build/validation.json --images build
 	$(BIN)/python -m benchmarks.stress --scale 0.0001 --output build/stress.json
 
@@ -111,6 +112,7 @@ bench: page $(SIMULATORS)  ## measure speed and accuracy (JSON in benchmarks/res
 
 errors: $(INSTALLED)  ## compare 1,000 shots of each kind with the 50-digit reference, and make 200 fits of simulated tables (hours)
 	$(BIN)/python -m benchmarks.error_limit
+	$(BIN)/python -m benchmarks.cushion_error
 	$(BIN)/python -m benchmarks.calibration
 	$(BIN)/python -m studies.readme
 

@@ -31,6 +31,7 @@ SOURCES = {
         "benchmarks.accuracy",
         "benchmarks.calibration",
         "benchmarks.comparison",
+        "benchmarks.cushion_error",
         "benchmarks.error_limit",
         "benchmarks.gradients",
         "benchmarks.machines",

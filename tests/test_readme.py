@@ -307,7 +307,10 @@ def test_a_missing_result_is_marked_as_not_measured(page, tmp_path):
 
 
 WRONG_MARKERS = [
-    ("<!-- sped: shots -->\n<!-- end -->", "expected one of ablation, accuracy, calibration, comparison, error_limit"),
+    (
+        "<!-- sped: shots -->\n<!-- end -->",
+        "expected one of ablation, accuracy, calibration, comparison, cushion_error",
+    ),
     ("<!-- speed: shot -->\n<!-- end -->", "expected one of machine, how, shots"),
     ("<!-- speed: shots -->\n", "no <!-- end --> follows"),
     ("<!-- speed: shots -->\n<!-- speed: calls -->\n<!-- end -->", "expected before <!-- speed: calls -->"),

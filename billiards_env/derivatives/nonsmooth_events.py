@@ -86,7 +86,7 @@ REASONS = {
     "cushion": "at a cushion, the law of the restitution has a kink: at the speed `e_cushion_onset`, at the "
     'restitution `e_cushion_floor` or 1, and with `"han2005_variable"` at no topspin or at the topspin of a rolling '
     'ball. At a `"mathavan2010"` cushion, the slip is zero at first, or it stops and begins again at once, or no '
-    "slip is left, or one creeps for hundreds of steps",
+    "slip is left, or both stay small for hundreds of steps",
     "joint": "a ball touches a cushion where its curvature changes, within 2e-10 m",
     "cut": "the shot, or `t`, ends at the instant of an event",
     "overflow": "after many impacts the derivative exceeds 1e100. It soon overflows to infinity or NaN",

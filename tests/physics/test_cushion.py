@@ -400,6 +400,16 @@ def test_every_impact_ends_and_does_not_add_energy():
         assert after[1] <= 1e-12 * np.abs(before[1:]).max()
 
 
+@pytest.mark.parametrize(("mu", "rwx"), [(0.6, -2.0), (0.2, -0.5)])
+def test_the_result_in_painleves_paradox_is_the_limit_for_less_friction(mu, rwx):
+    """With more friction on the cloth than `paradox`, no force holds the nose in a straight impact."""
+    sin, cos = 0.1, math.sqrt(1 - 0.01)
+    paradox = (2.5 + sin * sin) / ((2.5 - sin) * cos)
+    noses = [CushionNose(sin, cos, mu, share * paradox) for share in np.linspace(0.8, 1.6, 2001)]
+    after = np.array([follow_impact((0.0, 1.0, rwx, 0.0, 0.0), nose, 0.9)[0] for nose in noses])
+    assert np.abs(np.diff(after, axis=0)).max() < 1e-3
+
+
 def test_a_mathavan_cushion_is_smooth():
     """The impact once jumped by up to 4e-7 of the speed where the number of steps of its solution changed."""
     rng, t = np.random.default_rng(0), np.linspace(-1.0, 1.0, 21)

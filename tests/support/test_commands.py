@@ -44,6 +44,10 @@ def two_games(patch: pytest.MonkeyPatch, module: Any) -> None:
     patch.setattr(module, "CASES", {name: module.CASES[name] for name in ("nine_ball", "carom")})
 
 
+def one_kind(patch: pytest.MonkeyPatch, module: Any) -> None:
+    patch.setattr(module, "KINDS", ("grazing",))
+
+
 def few_steps(patch: pytest.MonkeyPatch, module: Any) -> None:
     patch.setattr(module, "measure", functools.partial(module.measure, scale=0.001))
     patch.setattr(module, "DISKS", (2, 16), raising=False)
@@ -56,6 +60,7 @@ def few_engines(patch: pytest.MonkeyPatch, module: Any) -> None:
 
 TINY: dict[str, tuple[str, Callable[[pytest.MonkeyPatch, Any], None]]] = {
     "benchmarks.accuracy": ("--shots 4 --outcomes 10 --passes 1 --workers 1", few_engines),
+    "benchmarks.cushion_error": ("--impacts 1 --workers 1", one_kind),
     "benchmarks.error_limit": ("--shots 1 --workers 1", two_kinds),
     "benchmarks.referees": ("--games 1", two_games),
     "benchmarks.speed": ("--repeats 1", few_steps),

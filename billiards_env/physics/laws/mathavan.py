@@ -19,9 +19,13 @@ The solution is a sequence of Taylor series of order `ORDER`, whose coefficients
 Interval Analysis, chapter 11). They are series in P, but if both contacts slip, in tau with dP = rho sigma dtau, over
 rho + sigma at the start of the step, where rho and sigma are the sizes of the slips at the cushion and at the cloth. In
 tau, a slip that stops decays exponentially. Slips that begin are series P u(P), or P^2 u(P) at the end of a stick. A
-step ends where a series has a term of 5e-17, and where a contact begins to slip, the ball leaves the cloth or a phase
-ends: at a root of a polynomial. The error is at most 1e-12 of the normal velocity and the rounding of the result, but
-larger if a slip creeps for `_PATIENCE` steps, with friction near the limit of sticking.
+step ends where a series has a term of 1e-16 of the slips, and where a contact begins to slip, the ball leaves the
+cloth or a phase ends: at a root of a polynomial.
+
+Near the limit of sticking a slip creeps: in tau, it needs hundreds of steps to stop, or to grow again. Then its
+direction e depends on the other slip, and only a part that has decayed depends on its past: the motion is on a slow
+manifold. There, the size r and e are regular series in P, also where r is zero. If the slip has the rate F - K e, then
+r' e = F - K e - r e'. Order k of e depends on order k + 1 times r, which is small, so sweeps over the orders converge.
 
 The axes are x along the cushion, y into it and z up. Impulses are per mass; spins are times the radius. Below, (x, y)
 is the slip at the cushion and (u, v) that at the cloth, all velocities are over the normal velocity before the impact,
@@ -39,15 +43,19 @@ from billiards_env.jit import inlined, kernel, room_for
 ORDER = 20
 room = room_for(19, ORDER + 3)
 
-_TERM = 5e-17  # the size of the last terms over the largest velocity
+_TERM = 1e-16  # the size of the last terms over the slips
 _USUAL = 16.0  # the largest ratio of the term before the last to it; otherwise the last is small by chance
 _STOPPED = 2e-14  # slip over the normal velocity below which a slip has stopped
 _NO_PRESS = 1e-9  # at a smaller press over `mu_cloth`, the last event decides whether the ball is on the cloth
 _SMALL = 0.01  # a restitution below which the end of the compression ends a step, for the digits of the work left
 _MOST_STEPS = 400  # a limit for safety; an impact has about 12
-_PATIENCE = 300  # the number of steps after which `_STOPPED` doubles in each step, so that a slip that creeps stops
-_SLIPS, _BEGINS, _RELEASED, _STICKS, _STOPS = range(5)  # the states of a contact; it begins as P or, released, as P^2
-_NOTHING, _NOSE, _CLOTH, _LIFT, _PHASE = range(5)  # what ends a step: a contact is released, the press, a phase
+_PATIENCE = 300  # the number of steps after which `_STOPPED` doubles in each step, so that two small slips stop
+_USUAL_STEPS = 100  # the number of steps after which a small slip may creep
+_CREEP = 0.02  # the largest slip that creeps, over the other slip
+_SWEEPS = 24  # the number of sweeps for a slip that creeps
+_SLIPS, _BEGINS, _CREEPS, _STICKS, _STOPS, _RELEASED = range(6)  # the states of a contact
+# What ends a step: a contact is released or stops, the press, a phase.
+_NOTHING, _NOSE, _CLOTH, _NOSE_STOPS, _CLOTH_STOPS, _LIFT, _COMPRESSED, _RESTORED = range(8)
 
 
 class CushionNose(NamedTuple):
@@ -123,23 +131,23 @@ def _first(row, low, t, end, event):
 
 
 @kernel
-def step_length(c):
+def step_length(c, by_nose, by_cloth):
     """Returns the length of a step: its last term is about `_TERM`, and a slip that falls keeps a quarter.
 
     It is zero if the series overflows.
     """
     x, y, u, v, work = c[0], c[1], c[2], c[3], c[5]
     rho, sigma = math.sqrt(x[0] * x[0] + y[0] * y[0]), math.sqrt(u[0] * u[0] + v[0] * v[0])
-    largest = 1.0 + rho + sigma + abs(c[6, 0])
+    largest = rho + sigma if rho + sigma > 0.0 else 1.0
     length, last, before = 1e3 * largest, abs(work[ORDER]) / largest, abs(work[ORDER - 1]) / largest
-    if rho > 0.0 and sigma > 0.0:
+    if by_nose == _SLIPS and by_cloth == _SLIPS:
         length *= 1.0 / rho + 1.0 / sigma
     else:
-        for row, other, size in ((x, y, c[7]), (u, v, c[8])):  # the size is over P^m if the slip begins
-            if size[1] < 0.0 < size[0]:
-                slips = row[0] != 0.0 or other[0] != 0.0
-                fall = math.sqrt(row[1] * row[1] + other[1] * other[1]) if slips else -size[1]
-                length = min(length, 0.75 * size[0] / fall)
+        for state, row, other, size in ((by_nose, x, y, c[7]), (by_cloth, u, v, c[8])):
+            k = 0 if state == _SLIPS else (1 if size[1] > 0.0 else 2)  # the first term
+            if state != _CREEPS and size[k + 1] < 0.0 < size[k]:
+                fall = math.sqrt(row[k + 1] * row[k + 1] + other[k + 1] * other[k + 1])
+                length = min(length, 0.75 * size[k] / fall)
     for row in (x, y, u, v):
         last, before = last + abs(row[ORDER]), before + abs(row[ORDER - 1])
     if not last + before < math.inf:
@@ -186,97 +194,69 @@ def _slip_both(c, nose):  # out: c
         u[k + 1], v[k + 1] = f * (-d * ax - 3.5 * bx), f * (-g * ay - 3.5 * by - cos * z)
         vx[k + 1], work[k + 1] = f * (-ax - bx), f * cos * power
     vy[ORDER], rho[ORDER] = (v[ORDER] - y[ORDER]) * by_slip, 0.0
-    return step_length(c)
+    return step_length(c, _SLIPS, _SLIPS)
 
 
-@kernel
-def _begin(k, released, slip, sums, force, reaction):  # out: slip
-    """Writes order k of a slip P^m (u, v) that begins, and returns that of its direction (ex, ey).
+@inlined
+def _begin(k, slip, sums, force, reaction):  # out: slip
+    """Returns order k of the direction e, and writes order k + 1 of the size r, of a slip r e with the rate F - K e.
 
-    The slip has the rate F - K e, with the force F and the direction e.
+    The slip is zero at first, or it creeps: then r is not zero, and e_{k+1} is known from the last sweep.
 
     Args:
-        k: The order, > 0.
-        released: Whether m = 2, and not 1.
-        slip: The series (u, v, r, ex, ey) with r = |(u, v)|.
-        sums: Those of u u + v v - r r, r ex and r ey over the known orders.
+        k: The order, zero only if the slip creeps.
+        slip: The series (r, ex, ey), with order 1 of r and order 0 of e.
+        sums: Those of e_j e_{k-j}, and of r_{j+1} e_{k-j}, for 0 < j < k.
         force: (Fx, Fy), order k.
         reaction: The matrix K: (kxx, kxy, kyy).
     """
-    (u, v, r, ex, ey), (square, tx, ty), (fx, fy), (kxx, kxy, kyy), i = slip, sums, force, reaction, k - 1
-    ex0, ey0, n, of_r, of_n = ex[0], ey[0], 1.0 * (k + 1), 1.0 / r[0] if r[0] > 0.0 else 0.0, 1.0 / (k + 1)
-    px, py = kxy * ex0 - kxx * ey0, kyy * ex0  # K (-ey0, ex0)
-    along, both = px * ey0 - py * ex0, px * px + py * py
-    if released and k == 1:  # 2 u_0 = F_1 - K e_1
-        r[0] = (px * fy - py * fx) / (2.0 * along)
-        u[0], v[0] = r[0] * ex0, r[0] * ey0
-        turn = (px * (fx - 2.0 * u[0]) + py * (fy - 2.0 * v[0])) / both
-        u[1], v[1], r[1] = -ey0 * r[0] * turn, ex0 * r[0] * turn, 0.0
-        return -ey0 * turn, ex0 * turn
-    kappa = 0.5 * square * of_r
-    ox, oy = -(kappa * ex0 + tx) * of_r, -(kappa * ey0 + ty) * of_r
-    fx, fy = fx - kxx * ox - kxy * oy, fy - kyy * oy
-    if not released:
-        turn = of_r * (ex0 * fy - ey0 * fx) / (n + (ex0 * py - ey0 * px) * of_r)
-        u[k], v[k] = (fx - px * turn) * of_n, (fy - py * turn) * of_n
-        r[k] = ex0 * u[k] + ey0 * v[k] + kappa
-    else:
-        fx, fy = fx - n * u[i], fy - n * v[i]
-        more = (px * fy - py * fx) / (n * along)
-        turn = (px * (fx - n * ex0 * more) + py * (fy - n * ey0 * more)) / both
-        w = r[0] * turn + more * (ex0 * v[1] - ey0 * u[1]) * of_r
-        u[i], v[i], r[i] = u[i] + ex0 * more, v[i] + ey0 * more, r[i] + more
-        u[k], v[k], r[k] = -ey0 * w, ex0 * w, kappa
-    return ox - ey0 * turn, oy + ex0 * turn
+    (r, ex, ey), (square, tx, ty), (fx, fy), (kxx, kxy, kyy), n = slip, sums, force, reaction, 1.0 * (k + 1)
+    ex0, ey0, share = ex[0], ey[0], 1.0 if k == 0 else -0.5 * square
+    px, py, ox, oy = kxy * ex0 - kxx * ey0, kyy * ex0, share * ex0, share * ey0  # (px, py) is K (-ey0, ex0)
+    fx -= kxx * ox + kxy * oy + n * (tx + r[0] * ex[k + 1])
+    fy -= kyy * oy + n * (ty + r[0] * ey[k + 1])
+    turn = (ex0 * fy - ey0 * fx) / (ex0 * py - ey0 * px + n * r[1])
+    r[k + 1] = (ex0 * fx + ey0 * fy - turn * (ex0 * px + ey0 * py)) / n - (0.0 if k == 0 else share * r[1])
+    size = math.sqrt(1.0 + turn * turn) if k == 0 else 1.0
+    return (ox - ey0 * turn) / size, (oy + ex0 * turn) / size
 
 
 @kernel
-def _slip_one(c, at_nose, at_cloth, nose):  # out: c
-    """Writes the series in P of (x, y, u, v, vx, work, vy, rho) from c[:6, 0], and returns `step_length`.
-
-    `at_nose` and `at_cloth` are the state of the contact, the direction (x, y) of its slip, and its rate if it begins,
-    otherwise 0.
-    """
-    (sin, cos, mu, mu_cloth), (by_nose, ex0, ey0, rate), (by_cloth, fx0, fy0, rate_c) = nose, at_nose, at_cloth
-    c[:4, 1:] = 0.0
-    c[7:13] = 0.0
+def _sweep(c, by_nose, by_cloth, nose):  # out: c
+    """Writes the series of `_slip_one` from their first terms, and returns `step_length`."""
+    sin, cos, mu, mu_cloth = nose
     x, y, u, v, vx, work, vy, rho, sigma = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8]
     ex, ey, fx, fy, ax, ay, bx, by, press = c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17]
     d, g, h = 1.0 - 2.5 * sin, 2.5 - sin, 2.5 + sin * sin
-    m, n = (by_nose if by_nose < _STICKS else 0), (by_cloth if by_cloth < _STICKS else 0)
-    su, sv, cu, cv = x[m:], y[m:], u[n:], v[n:]  # slips over P^m and P^n
-    ex[0], ey[0], fx[0], fy[0] = ex0, ey0, fx0, fy0
-    rho[0], sigma[0] = math.sqrt(x[0] * x[0] + y[0] * y[0]) + rate, math.sqrt(u[0] * u[0] + v[0] * v[0]) + rate_c
-    su[0], sv[0], cu[0], cv[0] = rho[0] * ex0, rho[0] * ey0, sigma[0] * fx0, sigma[0] * fy0
+    m, n = (0 if by_nose == _SLIPS else 1), (0 if by_cloth == _SLIPS else 1)
     of_rho, of_sigma, by_slip, stuck = 1.0 / rho[0], 1.0 / sigma[0], 1.0 / (1.0 + sin), 2.0 / 7.0
     for k in range(ORDER):
         one = 1.0 if k == 0 else 0.0
         q = qc = sx = sy = tx = ty = gx = gy = 0.0
         for j in range(1, k):
             i = k - j
-            q += su[j] * su[i] + sv[j] * sv[i] - rho[j] * rho[i]
-            qc += cu[j] * cu[i] + cv[j] * cv[i] - sigma[j] * sigma[i]
-            sx, sy = sx + rho[j] * ex[i], sy + rho[j] * ey[i]
-            tx, ty = tx + sigma[j] * fx[i], ty + sigma[j] * fy[i]
+            q, qc = q + (ex[j] * ex[i] + ey[j] * ey[i]), qc + (fx[j] * fx[i] + fy[j] * fy[i])
+            sx, sy = sx + rho[j + m] * ex[i], sy + rho[j + m] * ey[i]
+            tx, ty = tx + sigma[j + n] * fx[i], ty + sigma[j + n] * fy[i]
             gx, gy = gx + press[j] * fx[i], gy + press[j] * fy[i]
         vy[k] = (v[k] - y[k]) * by_slip
         if k > 0 and by_nose == _SLIPS:
-            rho[k] = ex0 * x[k] + ey0 * y[k] + 0.5 * q * of_rho
-            ex[k], ey[k] = of_rho * (x[k] - sx - rho[k] * ex0), of_rho * (y[k] - sy - rho[k] * ey0)
+            rho[k] = ex[0] * (x[k] - sx) + ey[0] * (y[k] - sy) + 0.5 * q * rho[0]
+            ex[k], ey[k] = of_rho * (x[k] - sx - rho[k] * ex[0]), of_rho * (y[k] - sy - rho[k] * ey[0])
         if k > 0 and by_cloth == _SLIPS:
-            sigma[k] = fx0 * u[k] + fy0 * v[k] + 0.5 * qc * of_sigma
-            fx[k], fy[k] = of_sigma * (u[k] - tx - sigma[k] * fx0), of_sigma * (v[k] - ty - sigma[k] * fy0)
+            sigma[k] = fx[0] * (u[k] - tx) + fy[0] * (v[k] - ty) + 0.5 * qc * sigma[0]
+            fx[k], fy[k] = of_sigma * (u[k] - tx - sigma[k] * fx[0]), of_sigma * (v[k] - ty - sigma[k] * fy[0])
         if by_nose != _SLIPS:  # the cloth slips, with a press that depends on the friction at the nose
-            jxy, jyy = d * mu_cloth * cos * fx0, h + g * mu_cloth * cos * fy0
-            qx, qy = one * mu_cloth * sin * fx0, one * mu_cloth * sin * fy0
+            jxy, jyy = d * mu_cloth * cos * fx[0], h + g * mu_cloth * cos * fy[0]
+            qx, qy = one * mu_cloth * sin * fx[0], one * mu_cloth * sin * fy[0]
             if k > 0:
                 qx, qy = press[0] * fx[k] + gx, press[0] * fy[k] + gy
             if by_nose == _STICKS:
                 ay[k] = (g * qy - one * sin * cos) / jyy
                 ax[k] = stuck * (d * qx - jxy * ay[k])
-            elif k > 0:
-                slip, reaction = (su, sv, rho, ex, ey), (3.5 * mu, mu * jxy, mu * jyy)
-                ex[k], ey[k] = _begin(k, by_nose == _RELEASED, slip, (q, sx, sy), (-d * qx, -g * qy), reaction)
+            elif k > 0 or by_nose == _CREEPS:
+                force = -d * qx, one * sin * cos - g * qy
+                ex[k], ey[k] = _begin(k, (rho, ex, ey), (q, sx, sy), force, (3.5 * mu, mu * jxy, mu * jyy))
         if by_nose != _STICKS:
             ax[k], ay[k] = -mu * ex[k], -mu * ey[k]
         press[k] = mu_cloth * (one * sin - cos * ay[k])
@@ -285,20 +265,41 @@ def _slip_one(c, at_nose, at_cloth, nose):  # out: c
             bx[k], by[k] = -stuck * hx, -stuck * hy
         else:
             if k > 0:
-                gx, gy = gx + press[k] * fx0, gy + press[k] * fy0
-            if by_cloth != _SLIPS and k > 0:
-                slip, reaction = (cu, cv, sigma, fx, fy), (3.5 * press[0], 0.0, 3.5 * press[0])
-                force = hx - 3.5 * gx, hy - 3.5 * gy
-                fx[k], fy[k] = _begin(k, by_cloth == _RELEASED, slip, (qc, tx, ty), force, reaction)
+                gx, gy = gx + press[k] * fx[0], gy + press[k] * fy[0]
+            if by_cloth == _CREEPS or (by_cloth == _BEGINS and k > 0):
+                force, reaction = (hx - 3.5 * gx, hy - 3.5 * gy), (3.5 * press[0], 0.0, 3.5 * press[0])
+                fx[k], fy[k] = _begin(k, (sigma, fx, fy), (qc, tx, ty), force, reaction)
             bx[k], by[k] = -press[0] * fx[k] - gx, -press[0] * fy[k] - gy
         f = 1.0 / (k + 1)
-        if by_nose == _SLIPS:
+        if by_nose == _CREEPS and k == 0:
+            x[0], y[0] = rho[0] * ex[0], rho[0] * ey[0]
+        if by_cloth == _CREEPS and k == 0:
+            u[0], v[0] = sigma[0] * fx[0], sigma[0] * fy[0]
+        if by_nose != _STICKS:
             x[k + 1], y[k + 1] = f * (3.5 * ax[k] + d * bx[k]), f * (h * ay[k] + g * by[k] + one * sin * cos)
-        if by_cloth == _SLIPS:
+        if by_cloth != _STICKS:
             u[k + 1], v[k + 1] = f * (hx + 3.5 * bx[k]), f * (hy + 3.5 * by[k])
         vx[k + 1], work[k + 1] = f * (ax[k] + bx[k]), f * cos * vy[k]
-    vy[ORDER], rho[ORDER] = (v[ORDER] - y[ORDER]) / (1.0 + sin), 0.0
-    return step_length(c)
+    vy[ORDER] = (v[ORDER] - y[ORDER]) * by_slip
+    return step_length(c, by_nose, by_cloth)
+
+
+@kernel
+def _slip_one(c, at_nose, at_cloth, nose):  # out: c
+    """Writes the series in P of (x, y, u, v, vx, work, vy, rho, sigma) from c[:6, 0], and returns `step_length`.
+
+    `at_nose` and `at_cloth` are the state of the contact, the direction (x, y) of its slip, and its rate if it begins,
+    otherwise 0.
+    """
+    (by_nose, ex, ey, rate), (by_cloth, fx, fy, rate_c), length = at_nose, at_cloth, 0.0
+    c[:4, 1:] = 0.0
+    c[7:13] = 0.0
+    c[7, 0], c[7, 1] = math.sqrt(c[0, 0] * c[0, 0] + c[1, 0] * c[1, 0]), rate
+    c[8, 0], c[8, 1] = math.sqrt(c[2, 0] * c[2, 0] + c[3, 0] * c[3, 0]), rate_c
+    c[9, 0], c[10, 0], c[11, 0], c[12, 0] = ex, ey, fx, fy
+    for _ in range(_SWEEPS if by_nose == _CREEPS or by_cloth == _CREEPS else 1):
+        length = _sweep(c, by_nose, by_cloth, nose)
+    return length
 
 
 @inlined
@@ -407,6 +408,150 @@ def _after(c, t):
 
 
 @kernel
+def _contacts(motion, states, first, lifted, nose):
+    """Returns what the contacts do, of which one slips.
+
+    Args:
+        motion: (x, y, u, v).
+        states: Those of the contacts.
+        first: Whether the impact begins.
+        lifted: Whether the ball was above the cloth at the end of the last step.
+        nose: The `CushionNose`.
+
+    Returns:
+        (at_nose, at_cloth, lifted, smooth): the contacts as `_slip_one` has them, whether the ball leaves the cloth,
+        and whether no slip begins again.
+    """
+    (x, y, u, v), (by_nose, by_cloth), (sin, cos, mu, mu_cloth) = motion, states, nose
+    ex = ey = fx = fy = rate = rate_c = 0.0
+    g, smooth = 2.5 - sin, True
+    if by_nose == _SLIPS:
+        rho = math.sqrt(x * x + y * y)
+        ex, ey = x / rho, y / rho
+        if first or abs(sin + mu * cos * ey) > _NO_PRESS:
+            lifted = sin + mu * cos * ey < 0.0
+    if by_cloth == _SLIPS:
+        sigma = math.sqrt(u * u + v * v)
+        fx, fy = u / sigma, v / sigma
+    if by_nose != _SLIPS:
+        lifted = sin < 0.0
+        held = CushionNose(sin, cos, mu, 0.0 if lifted else mu_cloth)
+        ax, ay = _held(fx, fy, held)
+        size = math.sqrt(ax * ax + ay * ay)
+        if by_nose == _RELEASED and size <= 1.001 * mu:
+            by_nose, ex, ey = _BEGINS, -ax / size, -ay / size
+        elif size <= mu:
+            by_nose = _STICKS
+        else:
+            by_nose, smooth = _BEGINS, False
+            ex, ey, rate = _begin_slip(fx, fy, held)
+            if not lifted and -mu * ey * cos > sin:
+                lifted = True
+                ex, ey, rate = _begin_slip(fx, fy, CushionNose(sin, cos, mu, 0.0))
+    if by_cloth != _SLIPS:
+        px, py = -(1.0 - 2.5 * sin) * mu * ex, -g * mu * ey - cos
+        pull, press = math.sqrt(px * px + py * py), 0.0
+        if not lifted:
+            press = 3.5 * mu_cloth * (sin + mu * cos * ey)
+        fx, fy = px / pull, py / pull
+        if by_cloth == _RELEASED:
+            by_cloth = _BEGINS
+        elif pull > press:
+            by_cloth, rate_c, smooth = _BEGINS, pull - press, smooth and first
+        else:
+            by_cloth = _STICKS
+    return (by_nose, ex, ey, rate), (by_cloth, fx, fy, rate_c), lifted, smooth
+
+
+@kernel
+def _series(c, motion, at_nose, at_cloth, creeps, nose):  # out: c
+    """Writes the series of a step from `motion`; returns the length of the step and the states of the contacts.
+
+    If the smaller slip `creeps` and has the direction of its slow manifold, the series begins there.
+    """
+    (by_nose, ex, ey, _), (by_cloth, fx, fy, _), (x, y, u, v, vx, work) = at_nose, at_cloth, motion
+    both = by_nose == _SLIPS and by_cloth == _SLIPS
+    c[0, 0], c[1, 0], c[2, 0], c[3, 0], c[4, 0], c[5, 0] = x, y, u, v, vx, work
+    rho, sigma = math.sqrt(x * x + y * y), math.sqrt(u * u + v * v)
+    if both and creeps and rho < _CREEP * sigma:
+        by_nose = _CREEPS
+    elif both and creeps and sigma < _CREEP * rho:
+        by_cloth = _CREEPS
+    if by_nose == _CREEPS or by_cloth == _CREEPS:
+        t = _slip_one(c, (by_nose, ex, ey, 0.0), (by_cloth, fx, fy, 0.0), nose)
+        off = max(max(abs(c[0, 0] - x), abs(c[1, 0] - y)), max(abs(c[2, 0] - u), abs(c[3, 0] - v)))
+        if t > 0.0 and off < _TERM * max(rho, sigma):
+            return t, by_nose, by_cloth
+        c[0, 0], c[1, 0], c[2, 0], c[3, 0] = x, y, u, v
+    if both:
+        return _slip_both(c, nose), _SLIPS, _SLIPS
+    return _slip_one(c, at_nose, at_cloth, nose), by_nose, by_cloth
+
+
+@kernel
+def _stop(c, row, t, end, event):  # out: c
+    """Returns as `_first` when the size `row` of a slip that creeps is zero: before it is least."""
+    for k in range(ORDER):
+        c[18, k] = -(k + 1) * row[k + 1]
+    c[18, ORDER] = 0.0
+    low = bracketed_root(c[18], 0.0, t)
+    root = _fall(row, 0.0, low)
+    return (root, event) if root < low else (t, end)
+
+
+@kernel
+def _change(c, t, states, lifted, nose):  # out: c
+    """Returns the time of the first change of a contact in a step t, and the change; t and `_NOTHING` if none."""
+    (by_nose, by_cloth), (sin, cos, mu, _), end = states, nose, _NOTHING
+    if by_nose == _CREEPS:
+        t, end = _stop(c, c[7], t, end, _NOSE_STOPS)
+    if by_cloth == _CREEPS:
+        t, end = _stop(c, c[8], t, end, _CLOTH_STOPS)
+    if by_nose == _STICKS:
+        c[7, 0] = mu
+        t, end = _first(_hold(c[18], c[13], c[14], c[7]), 0.0, t, end, _NOSE)
+    if by_cloth == _STICKS:
+        t, end = _first(_hold(c[18], c[15], c[16], c[17]), 0.0, t, end, _CLOTH)
+    if by_nose == _SLIPS and sin < mu * cos:
+        sign = -1.0 if lifted else 1.0
+        for k in range(ORDER + 1):
+            c[18, k] = sign * (sin * c[7, k] + mu * cos * c[1, k])
+        if c[18, 0] > 0.0:
+            t, end = _first(c[18], 0.0, t, end, _LIFT)
+    return t, end
+
+
+@kernel
+def _phase(c, t, end, compresses, whole, e):  # out: c
+    """Returns the end of a step by that of a phase.
+
+    Args:
+        c: The series; the work of restitution is negative at first, and zero at its end.
+        t: The length of the step.
+        end: What ends it.
+        compresses: Whether it begins in compression.
+        whole: The work of compression.
+        e: Restitution.
+
+    Returns:
+        (t, end, compresses, whole)
+    """
+    low = 0.0
+    if compresses:
+        low = _fall(c[6], 0.0, t)
+        if low < t:
+            compresses, (whole, _) = False, polynomial(c[5], low)
+            c[5, 0] = c[5, 0] - (1.0 - e * e) * whole
+            if e < _SMALL:
+                return low, _COMPRESSED, compresses, whole
+    elif e == 0.0:
+        return e * math.sqrt(whole / max(1e-100, -c[5, 2])), _RESTORED, compresses, whole  # zero, with a derivative
+    if not compresses:
+        t, end = _first(c[5], low, t, end, _RESTORED)
+    return t, end, compresses, whole
+
+
+@kernel
 def follow_impact(before, nose, e):
     """Returns an impact.
 
@@ -424,7 +569,6 @@ def follow_impact(before, nose, e):
     if unit <= 0.0:
         return before, True, 0
     (sin, cos, mu, mu_cloth), c = nose, room()
-    g = 2.5 - sin
     x, y, u, v = (vx + rwy * sin - rwz * cos) / unit, (rwx - unit * sin) / unit, (vx - rwy) / unit, (unit + rwx) / unit
     vx, work, whole = vx / unit, 0.0, 0.0
     tiny = max(_STOPPED, 1e-15 * max(max(abs(x), abs(y)), max(abs(u), abs(v))))
@@ -432,16 +576,13 @@ def follow_impact(before, nose, e):
     compresses, lifted, smooth, steps = True, False, True, 0
     for step in range(_MOST_STEPS):
         steps = step + 1
+        rho, sigma = math.sqrt(x * x + y * y), math.sqrt(u * u + v * v)
         if step >= _PATIENCE:
             tiny, smooth = 2.0 * tiny, False
-        rho, sigma = math.sqrt(x * x + y * y), math.sqrt(u * u + v * v)
-        ex = ey = fx = fy = rate = rate_c = 0.0
         if by_nose == _SLIPS and rho <= tiny:
-            by_nose, smooth = _STOPS, smooth and step > 0
-            x = y = 0.0
+            by_nose, smooth, x, y = _STOPS, smooth and step > 0, 0.0, 0.0
         if by_cloth == _SLIPS and sigma <= tiny:
-            by_cloth, smooth = _STOPS, smooth and (step > 0 or sigma == 0.0)
-            u = v = 0.0
+            by_cloth, smooth, u, v = _STOPS, smooth and (step > 0 or sigma == 0.0), 0.0, 0.0
         if by_nose != _SLIPS and by_cloth != _SLIPS:
             smooth = False
             if compresses:
@@ -450,77 +591,35 @@ def follow_impact(before, nose, e):
             if by_nose == _STOPS or work <= 0.0:
                 break
         else:
-            if by_nose == _SLIPS:
-                ex, ey = x / rho, y / rho
-                if step == 0 or abs(sin + mu * cos * ey) > _NO_PRESS:
-                    lifted = sin + mu * cos * ey < 0.0
-            if by_cloth == _SLIPS:
-                fx, fy = u / sigma, v / sigma
-            if by_nose != _SLIPS:
-                lifted = sin < 0.0
-                ax, ay = _held(fx, fy, CushionNose(sin, cos, mu, 0.0 if lifted else mu_cloth))
-                size = math.sqrt(ax * ax + ay * ay)
-                if by_nose == _RELEASED and size <= 1.001 * mu:
-                    ex, ey = -ax / size, -ay / size
-                elif size <= mu:
-                    by_nose = _STICKS
-                else:
-                    by_nose, smooth = _BEGINS, False
-                    ex, ey, rate = _begin_slip(fx, fy, CushionNose(sin, cos, mu, 0.0 if lifted else mu_cloth))
-                    if not lifted and -mu * ey * cos > sin:
-                        lifted = True
-                        ex, ey, rate = _begin_slip(fx, fy, CushionNose(sin, cos, mu, 0.0))
-            if by_cloth != _SLIPS:
-                px, py = -(1.0 - 2.5 * sin) * mu * ex, -g * mu * ey - cos
-                pull, press = math.sqrt(px * px + py * py), 0.0
-                if not lifted:
-                    press = 3.5 * mu_cloth * (sin + mu * cos * ey)
-                fx, fy = px / pull, py / pull
-                if by_cloth != _RELEASED and pull > press:
-                    by_cloth, rate_c, smooth = _BEGINS, pull - press, smooth and step == 0
-                elif by_cloth != _RELEASED:
-                    by_cloth = _STICKS
-        c[0, 0], c[1, 0], c[2, 0], c[3, 0], c[4, 0], c[5, 0] = x, y, u, v, vx, work
-        now = CushionNose(sin, cos, mu, 0.0 if lifted else mu_cloth)
-        if by_nose == _SLIPS and by_cloth == _SLIPS:
-            t = _slip_both(c, now)
-        else:
-            t = _slip_one(c, (by_nose, ex, ey, rate), (by_cloth, fx, fy, rate_c), now)
+            states = by_nose, by_cloth
+            (by_nose, ex, ey, rate), (by_cloth, fx, fy, rate_c), lifted, again = _contacts(
+                (x, y, u, v), states, step == 0, lifted, nose
+            )
+            smooth = smooth and again
+        motion, now = (x, y, u, v, vx, work), CushionNose(sin, cos, mu, 0.0 if lifted else mu_cloth)
+        at_nose, at_cloth = (by_nose, ex, ey, rate), (by_cloth, fx, fy, rate_c)
+        t, by_nose, by_cloth = _series(c, motion, at_nose, at_cloth, step >= _USUAL_STEPS, now)
         if t == 0.0:  # a slip is so small that its series overflows
             tiny *= 100.0
             continue
-        end = _NOTHING
-        if by_nose == _STICKS:
-            c[7, 0] = mu
-            t, end = _first(_hold(c[18], c[13], c[14], c[7]), 0.0, t, end, _NOSE)
-        if by_cloth == _STICKS:
-            t, end = _first(_hold(c[18], c[15], c[16], c[17]), 0.0, t, end, _CLOTH)
-        if by_nose == _SLIPS and sin < mu * cos:
-            sign = -1.0 if lifted else 1.0
-            for k in range(ORDER + 1):
-                c[18, k] = sign * (sin * c[7, k] + mu * cos * c[1, k])
-            if c[18, 0] > 0.0:
-                t, end = _first(c[18], 0.0, t, end, _LIFT)
-        low, restarts = 0.0, False
-        if compresses:
-            low = _fall(c[6], 0.0, t)
-            if low < t:
-                compresses, restarts, (whole, _) = False, e < _SMALL, polynomial(c[5], low)
-                c[5, 0] = c[5, 0] - (1.0 - e * e) * whole
-        elif e == 0.0:
-            t, end = e * math.sqrt(whole / max(1e-100, -c[5, 2])), _PHASE  # zero, with the derivative of one side
-        if restarts:
-            t, end = low, _PHASE
-        elif not compresses and end != _PHASE:
-            t, end = _first(c[5], low, t, end, _PHASE)
+        t, end = _change(c, t, (by_nose, by_cloth), lifted, nose)
+        t, end, compresses, whole = _phase(c, t, end, compresses, whole, e)
         x, y, u, v, vx, work = _after(c, t)
-        by_nose, by_cloth = (by_nose if by_nose == _STICKS else _SLIPS), (by_cloth if by_cloth == _STICKS else _SLIPS)
-        by_nose, by_cloth = (_RELEASED if end == _NOSE else by_nose), (_RELEASED if end == _CLOTH else by_cloth)
-        lifted = lifted != (end == _LIFT)
-        if end == _PHASE:
-            if not restarts:
-                break
+        by_nose, by_cloth = (_STICKS if by_nose == _STICKS else _SLIPS), (_STICKS if by_cloth == _STICKS else _SLIPS)
+        if end == _NOSE_STOPS:
+            by_nose, x, y = _STOPS, 0.0, 0.0
+        elif end == _CLOTH_STOPS:
+            by_cloth, u, v = _STOPS, 0.0, 0.0
+        elif end == _NOSE:
+            by_nose = _RELEASED
+        elif end == _CLOTH:
+            by_cloth = _RELEASED
+        elif end == _LIFT:
+            lifted = not lifted
+        elif end == _COMPRESSED:
             work = e * e * whole
+        elif end == _RESTORED:
+            break
     vy, rwy = min(0.0, (v - y) / (1.0 + sin)), vx - u
     rwx, rwz = v - vy, (vx + rwy * sin - x) / cos
     return (unit * vx, unit * vy, unit * rwx, unit * rwy, unit * rwz), smooth, steps
