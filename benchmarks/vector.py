@@ -20,7 +20,7 @@ from gymnasium.utils.performance import benchmark_step, benchmark_vector_step
 from benchmarks import in_turns, machine, run_command, table
 from benchmarks.speed import quartiles, seconds
 from billiards_env.commands import Job
-from billiards_env.engine import run_shots_of
+from billiards_env.engine import typed_run
 from billiards_env.envs import step
 from billiards_env.jit import Typed
 
@@ -96,9 +96,8 @@ def outside_engine(count: int, steps: int, **arguments: Any) -> Callable[[], flo
     """Returns a function that steps environments on one thread and returns the share of the time outside the engine."""
     inside = 0.0
 
-    def timed(*choice: Any) -> tuple[Callable[..., None], Any]:
-        run_shots, kernels = run_shots_of(*choice)
-        engine = Typed(run_shots)
+    def timed(*choice: Any) -> Typed:
+        engine = typed_run(*choice)
 
         def run(*arguments: Any) -> None:
             nonlocal inside
@@ -106,9 +105,9 @@ def outside_engine(count: int, steps: int, **arguments: Any) -> Callable[[], flo
             engine.call(*arguments)
             inside += perf_counter() - begun
 
-        return run, kernels
+        return Typed(run)
 
-    with patch.object(step, "run_shots_of", timed):
+    with patch.object(step, "typed_run", timed):
         play = many(native(count, **{"threads": 1, **arguments}), steps)
 
     def share() -> float:

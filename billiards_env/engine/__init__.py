@@ -1,6 +1,6 @@
 """The engines that run shots in compiled code: `pic` (event-driven) and `pit` (fixed timestep)."""
 
-from billiards_env.engine.compile import MAX_EVENTS, PIC, Engine, run_shots_of, scene_fields, scene_kernels
+from billiards_env.engine.compile import MAX_EVENTS, PIC, Engine, scene_fields, scene_kernels, typed_run
 from billiards_env.engine.log import KINDS, NO_LOG
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.engine.shots import STATUS, Shots, empty_shots
@@ -17,7 +17,7 @@ __all__ = [
     "Shots",
     "empty_shots",
     "parallel_for",
-    "run_shots_of",
     "scene_fields",
     "scene_kernels",
+    "typed_run",
 ]

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
+from billiards_env.engine.measures import with_measures
 from billiards_env.engine.overlaps import FIXES, TREATMENTS
 from billiards_env.engine.space import space_of
+from billiards_env.jit import Typed
 from billiards_env.physics.geometry.noses import nose_arrays
 from billiards_env.physics.geometry.outline_walls import OUTLINE, outline_arrays
 from billiards_env.physics.geometry.rectangle import RECTANGLE, rectangle_arrays
@@ -117,21 +119,21 @@ def check_varied_name(what: str, name: Any, engine: Engine) -> None:
 _KEPT = 256  # results of `cached_by_scene`
 
 
-def cached_by_scene(function: Callable[[Scene, Any], Any]) -> Callable[[Scene, Any], Any]:
-    """Returns a function that keeps the last results of a function of a scene and of another argument.
+def cached_by_scene(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Returns a function that keeps the last results of a function of a scene and of other arguments.
 
     A scene that is the same object is found without its hash, which takes up to 0.1 ms for a table with an outline.
     """
     by_value, kept = functools.lru_cache(maxsize=_KEPT)(function), {}
 
     @functools.wraps(function)
-    def call(scene: Scene, argument: Any) -> Any:
-        key = id(scene), argument
+    def call(scene: Scene, *arguments: Any) -> Any:
+        key = id(scene), *arguments
         cached = kept.get(key)
         if cached is None:
             if len(kept) >= _KEPT:
                 kept.clear()
-            cached = kept[key] = scene, by_value(scene, argument)  # the scene stays alive, so no other one gets its id
+            cached = kept[key] = scene, by_value(scene, *arguments)  # the scene stays alive: no other one gets its id
         return cached[1]
 
     return call
@@ -141,10 +143,20 @@ def cached_by_scene(function: Callable[[Scene, Any], Any]) -> Callable[[Scene, A
 def run_shots_of(scene: Scene, engine: Engine) -> tuple[Callable[..., None], Any]:
     """Returns the function that runs the shots of a scene by an engine, and its argument `kernels`."""
     if engine.mode == "pit":
-        return pit.run_shots, scene_kernels(scene)
+        return pit.run_shots, pit.PitKernels(scene_kernels(scene))
     n = scene.n_balls
     queue = pic.ONE_PAIR if n <= 2 else pic.ALL_PAIRS if n < MANY_BALLS else pic.CELL_GRID
     return pic.run_shots, pic.PicKernels(scene_kernels(scene), queue)
+
+
+@cached_by_scene
+def typed_run(scene: Scene, engine: Engine, has_scatter: bool = False, measures: tuple[str, ...] = ()) -> Typed:
+    """Returns the function that runs the shots of a scene by an engine, without its argument `kernels`.
+
+    Its arrays are those of `empty_shots` or have the same types.
+    """
+    run_shots, kernels = run_shots_of(scene, engine)
+    return Typed(run_shots, with_measures(kernels, measures))
 
 
 def scene_fields(scene: Scene, engine: Engine = PIC) -> tuple[Any, ...]:
@@ -167,8 +179,8 @@ def scene_arrays(scene: Scene) -> SceneArrays:
 
 
 def with_scatter(fields: tuple[Any, ...], scatter: Scatter | None) -> tuple[Any, ...]:
-    """Returns `scene_fields` with the scatter of the cushions."""
-    return fields if scatter is None else (*fields[:-1], tuple(scatter))
+    """Returns `scene_fields` with the scatter of the cushions; None for none."""
+    return *fields[:-1], None if scatter is None else tuple(scatter)
 
 
 def varied_fields(scene: Scene, engine: Engine, varied: Varied, m: int) -> tuple[Any, ...]:

@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from billiards_env.engine.compile import scene_kernels
+from billiards_env.engine.compile import cached_by_scene, scene_kernels, with_scatter
 from billiards_env.engine.shots import Starts, load_balls, store
-from billiards_env.jit import allocating, entry_point, inlined
+from billiards_env.jit import Typed, allocating, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.ball_ball import exchange
 from billiards_env.physics.clusters.impulses import empty_contacts, empty_scratch, set_normal
@@ -49,11 +49,18 @@ def strike_frozen(scene: Scene, fields: tuple[Any, ...], starts: tuple[Any, ...]
     Returns:
         Whether there is such a shot. Only these compile `_drive`.
     """
-    if scene.physics.motion != "sliding" or not _is_ahead(kernels := scene_kernels(scene), begin, end, fields, starts):
+    plain = with_scatter(fields, None)
+    if scene.physics.motion != "sliding" or not _look_ahead(scene).call(begin, end, plain, starts):
         return False
     for ball in np.unique(Starts(*starts).cue[begin:end]).tolist():
-        _drive(kernels, begin, end, ball, tuple(cue_numbers(scene, ball)), fields, starts)
+        _drive(scene_kernels(scene), begin, end, ball, tuple(cue_numbers(scene, ball)), plain, starts)
     return True
+
+
+@cached_by_scene
+def _look_ahead(scene: Scene) -> Typed:
+    """Returns `_is_ahead` without its argument `kernels`."""
+    return Typed(_is_ahead, scene_kernels(scene))
 
 
 @inlined

@@ -21,6 +21,7 @@ import numpy as np
 from billiards_env.engine import all_pairs, cell_grid, one_pair
 from billiards_env.engine.contact_rule import Memory, empty_memory, reset_memory
 from billiards_env.engine.log import clear_log, log_segment
+from billiards_env.engine.measures import record_nothing
 from billiards_env.engine.pic_events import resolve_impacts, resolve_singles
 from billiards_env.engine.predictions import PAIR_RANK, QueueKernels, queue_of
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
@@ -40,10 +41,12 @@ class PicKernels(NamedTuple):
     Attributes:
         scene: The `SceneKernels`.
         queue: The `QueueKernels`: `ONE_PAIR` for at most two balls, `ALL_PAIRS` or, faster for many, `CELL_GRID`.
+        record: The kernel that records the measures, see `engine.measures`.
     """
 
     scene: SceneKernels
     queue: QueueKernels
+    record: Any = record_nothing
 
 
 ONE_PAIR, ALL_PAIRS, CELL_GRID = queue_of(one_pair), queue_of(all_pairs), queue_of(cell_grid)
@@ -55,6 +58,7 @@ class PicWorkspace(NamedTuple):
     Attributes:
         state: The `State` of the balls.
         kernels: The `QueueKernels`.
+        record: `PicKernels.record`.
         queue: The arrays of the queue of predictions.
         contacts: The `Contacts` at one instant.
         scratch: The `Scratch` of their resolution; None for at most two balls.
@@ -65,6 +69,7 @@ class PicWorkspace(NamedTuple):
 
     state: State
     kernels: QueueKernels
+    record: Any
     queue: Any
     contacts: Contacts
     scratch: Scratch | None
@@ -74,12 +79,13 @@ class PicWorkspace(NamedTuple):
 
 
 @allocating
-def make_workspace(scene, kernels):
-    """Returns the `PicWorkspace` for the balls of a scene and a queue."""
+def make_workspace(scene, kernels, record):
+    """Returns the `PicWorkspace` for the balls of a scene, a queue and measures."""
     n, most = len(scene.radius), kernels.most_contacts(scene)
     return PicWorkspace(
         state=empty_state(n, scene.space.axes()),
         kernels=kernels,
+        record=record,
         queue=kernels.empty_queue(scene),
         contacts=empty_contacts(most, scene.space.axes()),
         scratch=kernels.empty_scratch(scene, most),
@@ -164,7 +170,7 @@ _run_all = for_all_shots(run)
 @allocating
 def _run_shots(kernels, begin, end, scene, limit, max_events, shots, log):  # out: shots, log
     """Runs shots, see `run_shots`. Returns whether it was interrupted."""
-    work = make_workspace(scene_of(kernels.scene, scene, 0), kernels.queue)
+    work = make_workspace(scene_of(kernels.scene, scene, 0), kernels.queue, kernels.record)
     return _run_all(range(begin, end), kernels.scene, scene, work, limit, max_events, shots, log)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from billiards_env.engine.contact_rule import collide
 from billiards_env.engine.log import BALL_BALL, log_event
+from billiards_env.engine.measures import AFTER_IMPACT, BEFORE_IMPACT
 from billiards_env.engine.shots import count_hit
 from billiards_env.jit import inlined
 from billiards_env.physics.clusters.impulses import set_normal
@@ -65,9 +66,12 @@ def resolve_impacts(count, now, k, scene, work, shots, log):  # out: work, shots
         The number of balls listed. A ball may occur more than once.
     """
     contacts, changed = work.contacts, work.changed
+    for c in range(count):
+        work.record(BEFORE_IMPACT, contacts.first[c], contacts.second[c], k, work.state, shots)
     acts = collide(count, now.hi, contacts, work.state, scene, work.scratch, work.memory)
     for c in range(count):
         i, j = contacts.first[c], contacts.second[c]
+        work.record(AFTER_IMPACT, i, j, k, work.state, shots)
         count_hit(k, i, j, now, shots)
         log_event(log, now, BALL_BALL, i, j, work.state, contacts.closing[c], acts > 0)
         changed[2 * c], changed[2 * c + 1] = i, j

@@ -25,6 +25,7 @@ from billiards_env.engine.log import (
     phase_end,
     phase_ended,
 )
+from billiards_env.engine.measures import record_nothing
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, end_at, record_event
 from billiards_env.jit import allocating, entry_point, inlined, kernel
@@ -33,6 +34,7 @@ from billiards_env.physics.clusters.impulses import Contacts, Scratch, empty_con
 from billiards_env.physics.motion import begin_phase, end_phase
 from billiards_env.physics.state import (
     POTTED,
+    SceneKernels,
     State,
     Time,
     before,
@@ -50,11 +52,19 @@ _LOOK_AFTER = 10_000_000  # pairs of balls tested between two calls of `interrup
 _PAIRS_PER_EVENT = 500  # pairs that are tested in the time of one event of `engine.pic`
 
 
+class PitKernels(NamedTuple):
+    """The kernels of the loop over timesteps: the `SceneKernels`, and `pic.PicKernels.record`."""
+
+    scene: SceneKernels
+    record: Any = record_nothing
+
+
 class PitWorkspace(NamedTuple):
     """The arrays in which shots of n balls are run, one after the other.
 
     Attributes:
         state: The `State` of the balls.
+        record: `PitKernels.record`.
         contacts: The `Contacts` of one step.
         scratch: The `Scratch` arrays for their resolution.
         here: (n, 4 or, in space, 6) float64, position and velocity at the end of the step, in the columns X, Y, VX
@@ -68,6 +78,7 @@ class PitWorkspace(NamedTuple):
     """
 
     state: State
+    record: Any
     contacts: Contacts
     scratch: Scratch
     here: Any
@@ -80,12 +91,13 @@ class PitWorkspace(NamedTuple):
 
 
 @allocating
-def make_workspace(scene):
-    """Returns the `PitWorkspace` for the balls of a scene."""
+def make_workspace(scene, record):
+    """Returns the `PitWorkspace` for the balls of a scene, and measures."""
     n, axes = len(scene.radius), scene.space.axes()
     most = max(1, n * (n - 1) // 2)
     return PitWorkspace(
         state=empty_state(n, axes),
+        record=record,
         contacts=empty_contacts(most, axes),
         scratch=empty_scratch(n, most, scene.laws.friction, axes),
         here=np.empty((n, 2 * axes)),
@@ -277,8 +289,8 @@ _run_all = for_all_shots(run)
 @allocating
 def _run_shots(kernels, begin, end, scene, limit, max_events, shots, log):  # out: shots, log
     """Runs shots, see `run_shots`. Returns whether it was interrupted."""
-    work = make_workspace(scene_of(kernels, scene, 0))
-    return _run_all(range(begin, end), kernels, scene, work, limit, max_events, shots, log)
+    work = make_workspace(scene_of(kernels.scene, scene, 0), kernels.record)
+    return _run_all(range(begin, end), kernels.scene, scene, work, limit, max_events, shots, log)
 
 
 @entry_point

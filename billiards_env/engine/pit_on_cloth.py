@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET
+from billiards_env.engine.measures import AFTER_IMPACT, BEFORE_IMPACT
 from billiards_env.engine.overlaps import (
     Bounce,
     fix_after,
@@ -87,6 +88,12 @@ def overlap(i, j, here, scene):
 
 
 @inlined
+def _pair(contacts, c):
+    """Returns the balls of contact c, in order."""
+    return min(contacts.first[c], contacts.second[c]), max(contacts.first[c], contacts.second[c])
+
+
+@inlined
 def resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, shots, log
     """Implements `Space.resolve_overlaps`."""
     state, contacts, here, fix = work.state, work.contacts, work.here, scene.numbers.fix
@@ -95,16 +102,20 @@ def resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, shot
             scene.space.advance(state, i, now, scene.numbers)
             work.changed[i] = True
     count = fix_before(fix, count, scene, work)
+    for c in range(count):
+        if contacts.closing[c] > 0.0:
+            work.record(BEFORE_IMPACT, *_pair(contacts, c), k, state, shots)
     if count > 0:
         scene.space.exchange(restitution_at(count, contacts, scene), count, contacts, state, scene, work.scratch)
     if fix_after(fix, count, scene, work):
         shots.time[k] = now.hi  # the balls may be at rest already
     for c in range(count):
-        i, j = min(contacts.first[c], contacts.second[c]), max(contacts.first[c], contacts.second[c])
+        i, j = _pair(contacts, c)
         for b in (i, j):
             here[b, VX], here[b, VY] = state.rows[b, VX], state.rows[b, VY]
         if contacts.closing[c] == 0.0:  # they overlap without an impact
             continue
+        work.record(AFTER_IMPACT, i, j, k, state, shots)
         count_hit(k, i, j, now, shots)
         record_event((BALL_BALL, i, j, contacts.closing[c]), now, k, state, shots, log)
     return count

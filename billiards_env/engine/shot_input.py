@@ -12,11 +12,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.engine.cell_grid import cell_of, empty_cells
-from billiards_env.engine.compile import MANY_BALLS, Engine, check_varied_name, scene_fields, scene_kernels
+from billiards_env.engine.compile import (
+    MANY_BALLS,
+    Engine,
+    cached_by_scene,
+    check_varied_name,
+    scene_fields,
+    scene_kernels,
+)
 from billiards_env.engine.runner import INTERRUPTED
 from billiards_env.engine.shots import Shots, start_fields
 from billiards_env.engine.threads import parallel_for
-from billiards_env.jit import allocating, entry_point, inlined
+from billiards_env.jit import Typed, allocating, entry_point, inlined
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.physics.geometry.noses import is_free
 from billiards_env.physics.geometry.pockets import pocket_at
@@ -384,15 +391,20 @@ def _are_free(kernels, scene, places):
     return free
 
 
+@cached_by_scene
+def _fast_check(scene: Scene) -> Typed:
+    """Returns `is_valid_fast`, or `is_valid_fast_of_many`, without its argument `kernels`."""
+    return Typed(is_valid_fast_of_many if scene.n_balls >= MANY_BALLS else is_valid_fast, scene_kernels(scene))
+
+
 def _is_valid_fast(scene: Scene, shot: ShotInput, threads: int | None) -> bool:
     """Calls `is_valid_fast` for one shot or, on several threads, for many."""
-    kernels, arrays = scene_kernels(scene), scene_fields(scene)
+    is_valid, arrays = _fast_check(scene), scene_fields(scene)
     starts = shot.as_batch() if shot.in_play.ndim == 1 else start_fields(shot)
     doubtful: list[int] = []
-    is_valid = is_valid_fast_of_many if scene.n_balls >= MANY_BALLS else is_valid_fast
 
     def work(begin: int, end: int) -> None:
-        if not is_valid(kernels, begin, end, arrays, starts):
+        if not is_valid.call(begin, end, arrays, starts):
             doubtful.append(begin)
 
     parallel_for(work, len(starts[0]), threads)

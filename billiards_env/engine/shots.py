@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine.log import log_event
+from billiards_env.engine.measures import measures_type
 from billiards_env.jit import inlined
 from billiards_env.physics.geometry.pockets import centre_of
 from billiards_env.physics.motion import capture
@@ -66,6 +67,7 @@ class Shots(NamedTuple):
             pocket is driven off the table, which needs a flight.
         touched_first: (m, n) bool out: whether the cue ball touched the ball at the instant of its first contact.
         first_hit_time: (m,) float64 out: this instant, s; infinite without a contact.
+        measures: (m,) out: the measures that are recorded, see `engine.measures`; None for none.
     """
 
     positions: Floats
@@ -85,6 +87,7 @@ class Shots(NamedTuple):
     pot_order: Int32s
     touched_first: Bools
     first_hit_time: Floats
+    measures: NDArray[np.void] | None
 
 
 class Starts(NamedTuple):
@@ -118,21 +121,24 @@ def arrays_in(memory: NDArray[np.uint8], kind: np.dtype[np.void]) -> list[NDArra
 
 
 @functools.lru_cache(maxsize=64)
-def row_type(n: int, flight: bool = False) -> np.dtype[np.void]:
-    """Returns the type of a row of `Shots` of n balls. The field `heights` exists only with flight."""
+def row_type(n: int, flight: bool = False, measures: tuple[str, ...] = ()) -> np.dtype[np.void]:
+    """Returns the type of a row of `Shots` of n balls. The fields that are None in `Shots` do not exist."""
     whole, flags = ("i4", (n,)), ("?", (n,))
     start = (("f8", (n, 2)), ("f8", (n, 2)), ("f8", (n, 3)), flags, "i8", ("f8", (n, 2)))
-    kinds = (*start, "f8", whole, whole, "i8", "i8", "i8", "i8", whole, whole, flags, "f8")
-    fields = [field for field in zip(Shots._fields, kinds, strict=True) if flight or field[0] != "heights"]
+    kinds = (*start, "f8", whole, whole, "i8", "i8", "i8", "i8", whole, whole, flags, "f8", measures_type(measures))
+    missing = {"heights": not flight, "measures": not measures}
+    fields = [field for field in zip(Shots._fields, kinds, strict=True) if not missing.get(field[0])]
     return np.dtype(fields, align=True)
 
 
-def empty_shots(m: int, n: int, flight: bool = False) -> Shots:
+def empty_shots(m: int, n: int, flight: bool = False, measures: tuple[str, ...] = ()) -> Shots:
     """Returns `Shots` for m shots of n balls. Ball 0 is the cue ball; the content of the other arrays is undefined."""
-    kind = row_type(n, flight)
+    kind = row_type(n, flight, measures)
     arrays: list[Any] = arrays_in(np.empty(m * kind.itemsize, np.uint8), kind)
     if not flight:
         arrays.insert(Shots._fields.index("heights"), None)
+    if not measures:
+        arrays.append(None)
     shots = Shots(*arrays)
     shots.cue[:] = CUE_BALL
     return shots

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import Engine
 from billiards_env.engine.compile import check_varied_name
+from billiards_env.engine.measures import MEASURES
 from billiards_env.envs.actions import ELEVATION, SIDE, SPEED, TOP, TURN, action_named, check_action
 from billiards_env.envs.tasks import TASKS, task_of, task_targets
 from billiards_env.games.game_state import MOST_PLAYERS
@@ -74,6 +75,7 @@ class Model(NamedTuple):
         can_call: Whether the players call, see `BilliardsEnv`.
         can_place: Whether the players place a cue ball in hand.
         scatter: The standard deviations of the scatter of the cushions, see `physics.scatter`; None for none.
+        measures: What the shots record for the task and the observation, see `engine.measures`; keys of `info`.
         arguments: The arguments by name, with the values that the environment uses in place of None.
     """
 
@@ -95,6 +97,7 @@ class Model(NamedTuple):
     can_call: bool = False
     can_place: bool = False
     scatter: NDArray[np.float64] | None = None
+    measures: tuple[str, ...] = ()
     arguments: Mapping[str, Any] = {}
 
     @property
@@ -215,8 +218,15 @@ def make_model(
         can_call=can_call,
         can_place=flag("can_place", can_place) and setup is not None and setup.game_rules.pockets,
         scatter=check_scatter(scatter),
+        measures=_asked(entry.measures, observe),
     )
     return model._replace(arguments=_used(given, model))
+
+
+def _asked(of_task: tuple[str, ...], observe: Any) -> tuple[str, ...]:
+    """Returns the measures of a task, and those among the features of the observation."""
+    asked = *of_task, *(observe if isinstance(observe, (list, tuple)) else ())
+    return tuple(name for name in MEASURES if name in asked)
 
 
 def _used(given: Mapping[str, Any], model: Model) -> dict[str, Any]:

@@ -267,6 +267,10 @@ class BilliardsEnv(OfEpisodes, OfArguments, gym.Env[Any, Any]):
     and the noise. With `action="plan"` the info also has `action_mask`, int8: 1 for each plan that is possible in the
     next shot. `env.unwrapped.action_masks()` returns it as bools.
 
+    A measure that the task or the observation uses is also a key, such as `first_hit_velocities`, see
+    `engine.measures`. Its numbers are float64. They are infinite before the first shot, and if what they describe does
+    not happen.
+
     `reset(options={"episode_seed": info["episode_seed"]})` begins the same episode in any environment with the same
     arguments, single or vector: the same positions, goal, physics and execution noise. So one of the episodes of a
     vector environment can be played again alone.

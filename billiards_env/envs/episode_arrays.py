@@ -47,6 +47,7 @@ class EpisodeArrays(NamedTuple):
         pockets: As in `engine.Shots`.
         pot_order: As in `engine.Shots`.
         touched_first: As in `engine.Shots`.
+        measures: As in `engine.Shots`: those of `Model.measures`.
         goals: (m, g, 2) float64, m: one goal (g = 1) in the tasks with a goal, none in the others.
         states: (m,) `Game.state_type` before the next shots in the tasks that are games, (0,) in the others.
         facts: (m,) `Game.facts_type` of the last shots in the tasks that are games, (m, 0) in the others.
@@ -73,6 +74,7 @@ class EpisodeArrays(NamedTuple):
     pockets: Any
     pot_order: Any
     touched_first: Any
+    measures: Any
     goals: Any
     states: Any
     facts: Any

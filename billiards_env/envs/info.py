@@ -5,11 +5,13 @@ All values are numbers, because TorchRL cannot read infos of vector environments
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.engine.measures import MEASURES
 from billiards_env.envs.episode_arrays import TALLY
 from billiards_env.envs.state import State
 
@@ -50,6 +52,7 @@ def info_arrays(state: State, has_cue: bool, has_choices: bool) -> tuple[InfoArr
     if has_cue:
         numbers["miscue"] = state.miscues
     of_shots = {"played_action": state.actions, "cushions": state.cushions, "potted": state.potted}
+    of_shots |= {name: state.measures[name] for name in state.model.measures}
     of_episode: dict[str, NDArray[Any]] = {"episode_seed": state.episode_seed.view(np.int64)}
     if has_choices:
         of_episode["action_mask"] = state.mask
@@ -59,6 +62,7 @@ def info_arrays(state: State, has_cue: bool, has_choices: bool) -> tuple[InfoArr
 def starts_of(info: InfoArrays, max_shots: int) -> InfoArrays:
     """Returns the constant arrays of the keys of `info_arrays` at the starts of episodes."""
     first = {"first_hit": -1, "shots_left": max_shots, "player": -1, "winner": -1}  # the others are 0 or False
+    first |= dict.fromkeys(MEASURES, math.inf)
 
     def starts(arrays: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         return {key: np.full_like(values, first.get(key, 0)) for key, values in arrays.items()}
@@ -103,8 +107,13 @@ def with_starts(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_], *starts:
     begun = copied_info(*starts)
     if count < len(mask):
         for key, values in begun.items():
-            np.copyto(values, info[key], where=~mask if values.ndim == 1 else ~mask[:, None])
+            np.copyto(values, info[key], where=_rows_like(~mask, values))
     return begun
+
+
+def _rows_like(mask: NDArray[np.bool_], values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Returns a mask (m,) with as many axes as an array (m, ...)."""
+    return mask.reshape(len(mask), *(1,) * (values.ndim - 1))
 
 
 def masked_info(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> dict[str, Any]:
@@ -112,7 +121,7 @@ def masked_info(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> dict[
     infos = info.copy()
     if np.count_nonzero(mask) < len(mask):
         for key, values in info.items():  # False keeps the type; a product with the mask gives negative zeros
-            infos[key] = np.where(mask if values.ndim == 1 else mask[:, None], values, False)
+            infos[key] = np.where(_rows_like(mask, values), values, False)
     for key in info:
         infos[f"_{key}"] = mask.copy()
     return infos

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.doors import Entries, offered
+from billiards_env.engine.measures import MEASURES, Measure
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.goal_observations import ACHIEVED, DESIRED, write_achieved, write_desired
@@ -159,6 +160,26 @@ def players_of(model: Model) -> dict[str, int]:
         "fouls": setup.n_players * counted,
         "scores": setup.n_players * (setup.target is not None),
     }
+
+
+@entry_point
+def write_measure(begin, end, observations, first, fresh, values, largest):
+    """Writes the numbers of a measure of the last shots, (m, l), divided by `largest`; 0 for infinite ones."""
+    for k in range(begin, end):
+        for j in range(values.shape[1]):
+            is_known = not fresh[k] and values[k, j] < math.inf
+            observations[k, first + j] = min(max(values[k, j] / largest, -1.0), 1.0) if is_known else 0.0
+
+
+def feature_of(name: str, measure: Measure) -> Feature:
+    """Returns the feature of a measure of the last shot."""
+
+    def reads(source: Source) -> tuple[Any, ...]:
+        fresh, values = source.arrays.fresh, source.arrays.measures[name]
+        return fresh, values.reshape(len(fresh), -1), measure.largest(source.scene, source.model.max_speed)
+
+    summary = f"{measure.summary}, in the last shot of the episode; zeros without it"
+    return Feature(summary, measure.shape, -1.0, write_measure, reads)
 
 
 @entry_point
@@ -441,8 +462,9 @@ FEATURES: Entries[Feature] = {
         ),
         "n_players > 1, a game that is won by points",
     ),
+    **{name: feature_of(name, measure) for name, measure in MEASURES.items()},
 } | offered("observe")
-"""The features by name; attachments add images."""
+"""The features by name: those above, one for each measure, and images, which attachments add."""
 
 
 def register_feature(name: str, feature: Feature) -> None:

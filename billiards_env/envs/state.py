@@ -3,7 +3,7 @@
     row of episode k
     +-- saved: all that a step may read or change, what `get_state` returns -------------------------------+
     | scene  stream  noise_stream  episode_seed  positions  goals  physics  before_positions  game         |
-    | before_game  score  shots_left  in_play  legal_balls  is_success  fresh  over  begun  task           |
+    | before_game  measures  score  shots_left  in_play  legal_balls  is_success  fresh  over  begun  task |
     +-- the rest of a shot, see `engine.Shots`: the start, which the engine replaces by the end ------------+
     | velocities  spins  cue  heights  time  cushions  ...  first_hit_time                                 |
     +-- results of the last step -------------------------------------------------------------------------+
@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import Engine, Shots
 from billiards_env.engine.compile import cached_by_scene, varied_fields, varied_shot, vary, with_scatter
+from billiards_env.engine.measures import measures_type
 from billiards_env.engine.shots import arrays_in, row_type
 from billiards_env.envs.actions import action_named
 from billiards_env.envs.arguments import Model
@@ -62,7 +63,8 @@ class RowTypes(NamedTuple):
 
 SAVED = (
     *("scene", "stream", "noise_stream", "episode_seed", "positions", "goals", "physics", "before_positions", "game"),
-    *("before_game", "score", "shots_left", "in_play", "legal_balls", "is_success", "fresh", "over", "begun", "task"),
+    *("before_game", "measures", "score", "shots_left", "in_play", "legal_balls", "is_success", "fresh", "over"),
+    *("begun", "task"),
 )
 """The names of the saved arrays, in order."""
 
@@ -93,7 +95,8 @@ def saved_type(model: Model) -> np.dtype[np.void]:
     kinds = (
         *("u8", ("u8", 4), ("u8", 4), ("u8", 8), ("f8", (n, 2)), ("f8", (1 if model.goal_radius else 0, 2))),
         *(("f8", (len(model.randomize),)), ("f8", (n if replaces else 0, 2))),
-        *(game if is_game else (game, (0,)), game if replaces else (game, (0,)), "i8", "i8"),
+        *(game if is_game else (game, (0,)), game if replaces else (game, (0,))),
+        *(measures_type(model.measures) if model.measures else ("f8", (0,)), "i8", "i8"),
         *(("?", (n,)), ("?", (n if is_game else 0,))),
         *("?", "?", "?", "?", ("S", max(24, len(short_name(model.task))))),
     )
@@ -123,6 +126,7 @@ class State:
             played again; (m, 0, 2) in others.
         game: (m,) `Game.state_type` in the tasks that are games, (m, 0) in the others.
         before_game: (m,) `Game.state_type` before the last shot, or (m, 0), as `before_positions`.
+        measures: (m,) of the last shots, see `Model.measures`; (m, 0) for none.
         score: (m,) int64: points of the episode; undefined if `fresh`.
         shots_left: (m,) int64: number of shots left; undefined if `fresh`.
         in_play: (m, n) bool: whether a ball is on the table.
@@ -161,6 +165,7 @@ class State:
     before_positions: Floats
     game: NDArray[np.void]
     before_game: NDArray[np.void]
+    measures: NDArray[Any]
     score: Int64s
     shots_left: Int64s
     in_play: Bools
@@ -192,7 +197,7 @@ class State:
         self.memory = block[: len(self.over) * types.saved.itemsize]
         arrays["states"] = arrays["game"]
         arrays |= {name: arrays[name].reshape(-1) for name in ("states", "facts", "viewers")}
-        arrays.setdefault("heights", None)
+        arrays |= {"heights": arrays.get("heights"), "measures": arrays["measures"] if model.measures else None}
         self.shots, self.arrays = _shots_of(arrays), _arrays_of(arrays)
         self.seen = EpisodeArrays(*self.arrays)
         self.turns: TurnArrays | None = None

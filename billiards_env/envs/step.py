@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, ShotInput, Shots, run_shots_of
+from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, ShotInput, Shots, typed_run
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.shots import start_fields
 from billiards_env.envs.actions import (
@@ -233,11 +233,13 @@ def drive_frozen(state: State, begin: int, end: int, strokes: Floats) -> None:
 
 def engine_run(model: Model) -> Callable[..., None]:
     """Returns the part that runs the shots."""
-    (run_shots, kernels), limit = run_shots_of(model.scene, model.engine), time_limit(model)
-    typed = Typed(run_shots)
+    run_shots, limit = (
+        typed_run(model.scene, model.engine, model.scatter is not None, model.measures),
+        time_limit(model),
+    )
 
     def run(state: State, begin: int, end: int, strokes: Floats) -> None:
-        typed.call(kernels, begin, end, state.fields, limit, MAX_EVENTS, state.shots, NO_LOG)
+        run_shots.call(begin, end, state.fields, limit, MAX_EVENTS, state.shots, NO_LOG)
 
     return run
 
@@ -266,7 +268,7 @@ def record(state: State, k: int) -> ShotResult:
     scatter = None if state.scatter is None else state.scatter._replace(seeds=state.scatter.seeds[k : k + 1].copy())
     fields: Any = (None if array is None else array[k].copy() for array in start_fields(state.shots))
     begun = ShotInput(*fields, limit=time_limit(state.model), scatter=scatter)
-    shot = run_shot(scene, begun, engine, record=True)
+    shot = run_shot(scene, begun, engine, record=True, measures=state.model.measures)
     for name, array in zip(Shots._fields, state.shots, strict=True):
         if name == "in_play":
             array[k] = ~shot.potted

@@ -237,6 +237,7 @@ class Task(NamedTuple):
             legal balls first.
         breaks: The layouts whose first shot is the break of the game.
         flies: Whether the cue ball must leave the cloth: the scene needs flights, and the action a cue.
+        measures: What the shots record for the kernels, see `engine.measures`.
     """
 
     judge: Callable[..., Any] | None
@@ -253,6 +254,7 @@ class Task(NamedTuple):
     is_game: bool = False
     breaks: tuple[str, ...] = ()
     flies: bool = False
+    measures: tuple[str, ...] = ()
 
     @property
     def action(self) -> str:
@@ -343,6 +345,7 @@ def task_of(name: str, n_players: int = 1) -> Task:
         cushions=None if game.pockets else game.cushions,
         rules=name,
         is_game=True,
+        measures=game.measures,
         breaks=tuple(layout for layout in game.layouts if layout != "random"),
     )
 

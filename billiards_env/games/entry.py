@@ -122,6 +122,7 @@ class Game(NamedTuple):
         state: Function of the number of object balls. Returns the own state at the opening, a NamedTuple whose fields
             have the types of `game_state`, such as `Count`. `Game.state_type` is the type of the whole state.
         facts: The facts of a shot that the game uses, see `games.facts`.
+        measures: What the engine records for these facts, see `engine.measures`.
         check: Function of a state of a custom opening. Returns what is expected of the balls on the table, or "".
         see: Kernel `(table, positions, state, facts, call)`. Writes the facts of a shot that need the positions after
             it.
@@ -163,6 +164,7 @@ class Game(NamedTuple):
     most_points: Callable[[int], int] = int
     state: Callable[[int], Any] = no_state
     facts: tuple[Kernel, ...] = USUAL
+    measures: tuple[str, ...] = ()
     check: Callable[[Any], str] = no_check
     see: Kernel = no_see
     spot: Kernel = spot_at_foot

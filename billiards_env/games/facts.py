@@ -37,6 +37,7 @@ class Records(NamedTuple):
         pockets: (m, n) int32.
         pot_order: (m, n) int32.
         touched_first: (m, n) bool.
+        measures: (m,) `Game.measures`, or None.
     """
 
     cue: Any
@@ -46,6 +47,7 @@ class Records(NamedTuple):
     pockets: Any
     pot_order: Any
     touched_first: Any
+    measures: Any
 
 
 @inlined
@@ -291,5 +293,6 @@ def facts_of_shots(
 
 def facts_of(facts: tuple[Kernel, ...], shot: ShotResult, calls: NDArray[Any] | None = None) -> NDArray[Any]:
     """Returns the facts of one shot, (1,) `facts_type`; the arguments are as in `facts_of_shots`."""
-    records = Records(*(np.asarray(getattr(shot, name))[None] for name in Records._fields))
+    values = (getattr(shot, name) for name in Records._fields)
+    records = Records(*(None if value is None else np.asarray(value)[None] for value in values))
     return facts_of_shots(facts, records, None, calls)

@@ -430,8 +430,8 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
         heights[cue, RISING] = stroke.velocity[2]
     shot_input = ShotInput(positions, velocities, spins, balls, cue, heights, scene.physics.max_time or math.inf)
     strike_frozen(scene, scene_fields(scene), shot_input.as_batch())
-    shot = run_shot(scene, shot_input, setup.engine, record=True)
     rules, call, last = setup.game_rules, stroke.call, game.before or game
+    shot = run_shot(scene, shot_input, setup.engine, record=True, measures=rules.measures)
     calls = np.array([row({**call._asdict(), "kind": CALLS.index(call.kind)}, CALL)])
     before = last.positions[None], np.array([last.state])
     with kernels_of(f"rules = {setup.rules!r}"):

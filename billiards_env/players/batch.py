@@ -85,7 +85,8 @@ def play_batch(
     scene = _scene_of(setup.scene, tuple(balls))
     if scene.physics.motion == "sliding":
         speeds, spins = strike_with(speeds, None if spins is None else numbers("spins", spins)), None
-    batch = simulate_batch(scene, starts, speeds, engine=setup.engine, spins=spins, threads=threads)
+    options: dict[str, Any] = {"engine": setup.engine, "spins": spins, "threads": threads, "measures": rules.measures}
+    batch = simulate_batch(scene, starts, speeds, **options)
     pockets = np.full((m, setup.scene.n_balls), -1, np.int32)
     pockets[:, balls] = batch.pockets
     called, states = np.zeros(m, CALL), np.array([state])

@@ -57,7 +57,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.jit import Typed, entry_point, kernel, streams
+from billiards_env.jit import Typed, entry_point, inlined, kernel, streams
 from billiards_env.jit.interrupt import end_call, interrupted
 from billiards_env.scene import Scene, check_positions, check_scene
 from billiards_env.scene.outline import pieces
@@ -347,7 +347,7 @@ def is_inside(edges, x, y, reach):
     return inside
 
 
-@kernel
+@inlined
 def is_clear(plan, i, x, y, placed, positions):
     """Returns whether ball i at (x, y) is clear of the cushions, the pockets and the first `placed` balls of the order.
 
@@ -367,7 +367,7 @@ def is_clear(plan, i, x, y, placed, positions):
     return True
 
 
-@kernel
+@inlined
 def place_ball(plan, i, placed, stream, positions):
     """Draws a position of ball i clear of pockets and of the first `placed` balls; returns whether it found one."""
     x_low, x_high, y_high = plan.limits[i, 0], plan.limits[i, 1], plan.limits[i, 2]

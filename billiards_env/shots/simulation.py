@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,14 +15,15 @@ from billiards_env.engine.compile import (
     Engine,
     Varied,
     check_engine,
-    run_shots_of,
     scene_fields,
+    typed_run,
     varied_fields,
     varied_shot,
     with_scatter,
 )
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.log import N_EVENTS_LOGGED, NO_LOG, ShotLog, empty_log, joined, with_room
+from billiards_env.engine.measures import checked_measures
 from billiards_env.engine.shot_input import ShotInput, check_shot, check_varied
 from billiards_env.engine.shots import STATUS, Shots, empty_shots, start_fields
 from billiards_env.engine.strikes import Strike
@@ -50,6 +51,7 @@ def simulate(
     max_events: int = MAX_EVENTS,
     scatter: Mapping[str, float] | None = None,
     seed: int | None = None,
+    measures: Sequence[str] = (),
 ) -> ShotResult:
     """Runs one shot until every ball rests.
 
@@ -72,6 +74,7 @@ def simulate(
             `physics.scatter`. Missing ones have the values of `shots.noise.SCATTER`, and {} has all of them. None for
             no scatter. A shot with scatter has no derivatives.
         seed: The seed of the scatter, from 0 to 2^63 - 1.
+        measures: Names in `engine.measures.MEASURES`, of what the shot also records.
 
     Returns:
         The balls at the end of the shot, and what happened.
@@ -99,7 +102,8 @@ def simulate(
     checked = check_shot(scene, positions, *_motion(velocities, spins), in_play, max_time)
     if isinstance(velocities, Strike):
         strike_frozen(scene, scene_fields(scene), checked.as_batch())
-    return run_shot(scene, checked._replace(scatter=_scatter(scatter, seed)), engine, record, max_events)
+    asked = checked_measures(measures)
+    return run_shot(scene, checked._replace(scatter=_scatter(scatter, seed)), engine, record, max_events, asked)
 
 
 _SEEDS = Range(0, 2**63 - 1)
@@ -142,7 +146,12 @@ def _motion(velocities: ArrayLike | Strike, spins: ArrayLike | None) -> tuple[Ar
 
 
 def run_shot(
-    scene: Scene, shot: ShotInput, engine: Engine = PIC, record: bool = False, max_events: int = MAX_EVENTS
+    scene: Scene,
+    shot: ShotInput,
+    engine: Engine = PIC,
+    record: bool = False,
+    max_events: int = MAX_EVENTS,
+    measures: tuple[str, ...] = (),
 ) -> ShotResult:
     """Runs one shot like `simulate`, without checking its input.
 
@@ -153,25 +162,27 @@ def run_shot(
         record: Whether to record the events and trajectories.
         max_events: Number of events after which the engine ends the shot with the status "event_limit". "pit" also ends
             it after `pit.MAX_STEPS` timesteps, with the status "step_limit".
+        measures: The measures that it records.
 
     Returns:
         The balls at the end of the shot, and what happened.
     """
     n = scene.n_balls
-    (run_shots, kernels), arrays = run_shots_of(scene, engine), with_scatter(scene_fields(scene, engine), shot.scatter)
+    run_shots = typed_run(scene, engine, shot.scatter is not None, measures)
+    arrays = with_scatter(scene_fields(scene, engine), shot.scatter)
     room = 256 if record else 0
     while True:
         flight = scene.physics.flight
-        log, shots = empty_log(room, 4 * room, 1, flight), empty_shots(1, n, flight)
+        log, shots = empty_log(room, 4 * room, 1, flight), empty_shots(1, n, flight, measures)
         for out, start in zip(start_fields(shots), start_fields(shot), strict=True):
             if out is not None:
                 out[0] = start
-        run_shots(kernels, 0, 1, arrays, shot.limit, max_events, tuple(shots), tuple(log))
+        run_shots.call(0, 1, arrays, shot.limit, max_events, tuple(shots), tuple(log))
         if not record or (log.used[:2] <= (len(log.events), len(log.segments))).all():
             break
         room = max(4 * room, int(max(log.used[:2])))  # the log was too small: the shot runs again
     row = {
-        name: array if array is None else array.item() if array.ndim == 1 else array[0]
+        name: array if array is None else array.item() if array.ndim == 1 and name != "measures" else array[0]
         for name, array in zip(Shots._fields, shots, strict=True)
     }
     recorded = read_log(ShotLog.of(log), scene, (shot, engine, max_events)) if record else {}
@@ -238,6 +249,7 @@ class BatchResult:
     first_hit_time: NDArray[np.float64]
     cue: NDArray[np.int64]
     heights: NDArray[np.float64] | None
+    measures: NDArray[np.void] | None
     scene: Scene
     varied: Varied
     scatter: Scatter | None
@@ -271,10 +283,14 @@ class BatchResult:
         if self.scatter is not None:
             start = start._replace(scatter=self.scatter._replace(seeds=self.scatter.seeds[k : k + 1]))
         if self.log is None:
-            return run_shot(scene, start, engine, True, max_events)
+            names = () if self.measures is None else self.measures.dtype.names or ()
+            return run_shot(scene, start, engine, True, max_events, names)
         outcome: dict[str, Any] = {name: getattr(self, name) for name in _OUTCOME}
+        is_scalar = {
+            name: array is not None and array.ndim == 1 and name != "measures" for name, array in outcome.items()
+        }
         row = {
-            name: array if array is None else array[k : k + 1].item() if array.ndim == 1 else array[k].copy()
+            name: array if array is None else array[k : k + 1].item() if is_scalar[name] else array[k].copy()
             for name, array in outcome.items()
         }
         return ShotResult(**row, **read_log(self.log.shots(k, k + 1), scene, (start, engine, max_events)))
@@ -319,6 +335,7 @@ def simulate_batch(
     threads: int | None = None,
     scatter: Mapping[str, float] | None = None,
     seed: ArrayLike | None = None,
+    measures: Sequence[str] = (),
 ) -> BatchResult:
     """Runs m shots in one scene, each until every ball rests, with the same bits as `simulate`.
 
@@ -337,6 +354,7 @@ def simulate_batch(
         threads: Number of threads; None for the number of `set_num_threads`.
         scatter: The scatter of the cushions, as in `simulate`.
         seed: The seeds of the scatter, (m,) whole numbers, each as in `simulate`, or one from which they are drawn.
+        measures: As in `simulate`.
 
     Returns:
         The balls at the end of each shot, and what happened.
@@ -361,22 +379,22 @@ def simulate_batch(
         raise ValueError(f"positions has shape {positions.shape}: expected (m, {scene.n_balls}, 2)")
     if threads is not None:
         integer("threads", threads, "threads")
-    m = len(positions)
+    m, asked = len(positions), checked_measures(measures)
     varied, scattered = check_varied(scene, physics, engine, m), _scatter(scatter, seed, m)
-    shots = empty_shots(m, scene.n_balls, scene.physics.flight)
+    shots = empty_shots(m, scene.n_balls, scene.physics.flight, asked)
     # These arrays are copies for `batch[i]`: the caller may change the given arrays, and the engine changes `shots`.
     moving, turning = _motion(velocities, spins)
     moving, turning = numbers("velocities", moving), None if turning is None else numbers("spins", turning)
     limit = check_shot(scene, positions, moving, turning, in_play, max_time, shots, threads).limit
     in_play = None if in_play is None else np.broadcast_to(np.array(in_play), shots.in_play.shape)
-    (run_shots, kernels), plain = run_shots_of(scene, engine), tuple(shots)
+    run_shots, plain = typed_run(scene, engine, scattered is not None, asked), tuple(shots)
     arrays = with_scatter(varied_fields(scene, engine, varied, m), scattered)
     if isinstance(velocities, Strike) and strike_frozen(scene, arrays, start_fields(plain), end=m):
         start = ShotInput(*start_fields(shots))
         moving, turning = start.in_space()[1].copy(), shots.spins.copy()
 
     def run(begin: int, end: int, log: tuple[Any, ...] = NO_LOG) -> None:
-        run_shots(kernels, begin, end, arrays, limit, max_events, plain, log)
+        run_shots.call(begin, end, arrays, limit, max_events, plain, log)
 
     log = None
     if record:

@@ -99,7 +99,10 @@ def entry_points() -> list[tuple[str, Any, tuple[Any, ...]]]:
         shots, log = tuple(empty_shots(1, scene.n_balls)), tuple(empty_log(1, 1))
         kernels, fields, starts = scene_kernels(scene), scene_fields(scene), start_fields(shots)
         run, loop = (0, 1, fields, math.inf, 1, shots, log), pic.PicKernels(kernels, pic.ALL_PAIRS)
-        calls += [(f"pic_{kind}", pic.run_shots, (loop, *run)), (f"pit_{kind}", pit.run_shots, (kernels, *run))]
+        calls += [
+            (f"pic_{kind}", pic.run_shots, (loop, *run)),
+            (f"pit_{kind}", pit.run_shots, (pit.PitKernels(kernels), *run)),
+        ]
         calls.append((f"valid_{kind}", is_valid_fast, (kernels, 0, 1, fields, starts)))
         calls.append((f"drive_{kind}", frozen_strike._drive, (kernels, 0, 1, 0, cue, fields, starts)))
     strike = np.empty((1, 5)), np.empty((1, 2)), np.empty((1, 3)), np.empty(1, np.bool_)

@@ -14,7 +14,7 @@ from gymnasium.utils.env_checker import check_env
 from billiards_env import billiards_v0
 from billiards_env import envs as billiards_envs
 from billiards_env.drawing.recording import recording_of
-from billiards_env.engine import run_shots_of
+from billiards_env.engine import typed_run
 from billiards_env.envs import RecordVideo, make_env, step
 from billiards_env.envs.billiards import FPS, RENDER_MODES
 from billiards_env.jit import Typed
@@ -66,17 +66,16 @@ def test_each_shot_runs_the_engine_once(render_mode, vector, monkeypatch):
     limits = []
 
     def counting(*choice):
-        run_shots, chosen = run_shots_of(*choice)
-        engine = Typed(run_shots)
+        engine = typed_run(*choice)
 
-        def run(kernels, begin, end, scene, limit, *rest):
+        def run(begin, end, scene, limit, *rest):
             limits.append(limit)
-            engine.call(kernels, begin, end, scene, limit, *rest)
+            engine.call(begin, end, scene, limit, *rest)
 
-        return run, chosen
+        return Typed(run)
 
     for module in (step, simulation):
-        monkeypatch.setattr(module, "run_shots_of", counting)
+        monkeypatch.setattr(module, "typed_run", counting)
     make_one = {"id": "Billiards-v0", "render_mode": render_mode, "max_shots": 2}
     env = make_vec(**make_one, num_envs=2) if vector else make(**make_one)
     env.reset(seed=0)

@@ -25,7 +25,9 @@ def run(queue, shots, record=False, max_time=None, max_events=MAX_EVENTS, dt=Non
     kernels, fields = scene_kernels(scene), scene_fields(scene, engine)
     if queue is PLAIN:
         kernels = plain.with_plain_walls(kernels)
-    run_shots, kernels = (pic.run_shots, pic.PicKernels(kernels, queue)) if dt is None else (pit.run_shots, kernels)
+    run_shots, kernels = (
+        (pic.run_shots, pic.PicKernels(kernels, queue)) if dt is None else (pit.run_shots, pit.PitKernels(kernels))
+    )
     run_shots(kernels, 0, len(shots.time), fields, limit, max_events, tuple(shots), tuple(log))
     return [*shots, *log]
 

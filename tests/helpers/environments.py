@@ -28,7 +28,7 @@ VARIANTS: list[dict[str, Any]] = [
     {"scene": "blocked_pool", "layout": "snookered", "max_shots": 2},
     {"scene": "snooker", "layout": "snooker", "max_shots": 2},
     {"scene": "ideal", "task": "carom", "n_object_balls": 5, "layout": "random", "max_shots": 2},
-    {"scene": "carom", "task": "carom", "layout": "carom_opening", "scatter": {}, **LONG},
+    {"scene": "carom", "task": "carom", "scatter": {}, **LONG, "observe": ["first_hit_velocities", "shots_left"]},
     {"scene": "real_carom", "task": "place"},  # the engine for two balls
     {"scene": "match_carom", "task": "three_cushion", "layout": "random", "max_shots": 2},
     {"scene": "benchmarks:match_carom_2", "task": "three_cushion"},
@@ -53,7 +53,7 @@ VARIANTS: list[dict[str, Any]] = [
     {"mode": "pit", "dt": 0.01, "randomize": {"dt": [0.005, 0.05], "mu_slide": [0.1, 0.3]}, "max_shots": 2},
     {"mode": "pit", "dt": 1 / 15, "n_object_balls": 9, "layout": "rack", "max_shots": 5, "max_speed": 8.0},
     {"mode": "pit", "dt": 1 / 60, "fix": "move_back", "scene": "carom", "task": "carom", "scatter": {}, "max_shots": 5},
-    {"mode": "pit", "dt": 1 / 60, "fix": "none", "scene": "uk_pool", "max_shots": 2},
+    {"mode": "pit", "dt": 1 / 60, "fix": "none", "scene": "uk_pool", **LONG, "observe": ["first_hit_velocities"]},
     {"mode": "pit", "dt": 1 / 30, "fix": "time_of_impact", "scene": "ideal", "task": "carom", "max_speed": 10.0},
 ]
 # Games of several players: each game, and each kind of action and choice.
@@ -87,7 +87,7 @@ NINE: dict[str, Any] = {"task": "nine_ball", "max_shots": 3, "max_speed": 8.0, "
 KINDS: list[dict[str, Any]] = [
     {**VARIED, "noise": {"angle_std": 2.0}},
     NINE,
-    {"task": "place", "max_shots": 3},
+    {"task": "place", "max_shots": 3, "observe": ["positions", "first_hit_velocities"]},
     {**STRIKE, "noise": {}},
     {**SOFT, "mode": "pit", "dt": 1 / 15, "randomize": {"dt": [0.01, 0.1]}},
     {"task": "snooker", "n_players": 2, "n_object_balls": 8, "can_call": True, "miss": True, "max_shots": 3},
