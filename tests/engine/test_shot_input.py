@@ -42,7 +42,8 @@ def test_the_arrays_of_shots_have_one_entry_for_each_ball(m, n):
     of_balls |= dict.fromkeys(("in_play", "cushions", "cushions_before_hit"), ())
     of_balls |= dict.fromkeys(("pockets", "pot_order", "touched_first"), ())
     of_balls["heights"] = (2,)
-    for name, array in zip(Shots._fields, empty_shots(m, n, flight=True), strict=True):
+    arrays = empty_shots(m, n, flight=True, measures=("first_hit_velocities",))
+    for name, array in zip(Shots._fields, arrays, strict=True):
         assert array is not None
         assert array.shape == ((m, n, *of_balls[name]) if name in of_balls else (m,)), name
 
