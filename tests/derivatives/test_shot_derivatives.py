@@ -309,7 +309,7 @@ def test_the_sensitivity_after_a_mathavan_cushion_is_that_of_small_steps():
 
 @pytest.mark.slow
 def test_shots_with_mathavan_cushions_are_smooth_up_to_rounding():
-    """Where the number of steps of an impact changed, the end of a shot once jumped by up to 1.6e-7 m."""
+    """The bound is that of `certainty`. The end once jumped by up to 1.6e-7 m where an impact had another step."""
     scene, rng, t = Scene.named("snooker", 5), np.random.default_rng(0), np.linspace(-1.0, 1.0, 21)
     powers = np.stack((np.ones(21), t, t * t), axis=1)
     for k in range(1500):
@@ -319,7 +319,7 @@ def test_shots_with_mathavan_cushions_are_smooth_up_to_rounding():
         ends = ends.reshape(21, -1)
         rest = np.abs(ends - powers @ np.linalg.lstsq(powers, ends, rcond=None)[0]).max()
         sensitivity = derivatives.sensitivity(simulate(scene, places, velocity, record=True))
-        assert not sensitivity.smooth or rest < 20 * UNIT_ROUNDOFF * sensitivity.condition, k
+        assert not sensitivity.smooth or rest < 100 * UNIT_ROUNDOFF * sensitivity.condition, k
 
 
 def test_each_collision_multiplies_the_condition():
