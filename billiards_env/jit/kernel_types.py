@@ -12,7 +12,7 @@ from typing import Any
 
 from numba import typeof
 from numba.core import types
-from numba.core.datamodel.models import OpaqueModel
+from numba.core.datamodel.models import StructModel
 from numba.core.typing.typeof import Purpose, typeof_impl
 from numba.extending import NativeValue, register_model, unbox
 
@@ -22,7 +22,7 @@ from billiards_env.jit.compiler import Kernel
 _types: dict[str, KernelType] = {}
 
 
-class KernelType(types.Callable, types.Opaque):
+class KernelType(types.Callable):
     """The numba type of one kernel as an argument. It has no data.
 
     Its name contains the hash of the kernel's code, so the same kernel has the same type in each process.
@@ -49,12 +49,17 @@ class KernelType(types.Callable, types.Opaque):
         return _type_named, (self.name,)
 
 
-register_model(KernelType)(OpaqueModel)
+@register_model(KernelType)
+class _NoData(StructModel):
+    """A structure without members. Compiled functions pass no argument for a kernel."""
+
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, [])
 
 
 @unbox(KernelType)
 def _unbox(kind: Any, value: Any, c: Any) -> NativeValue:
-    return NativeValue(value)
+    return NativeValue(c.context.get_constant_undef(kind))
 
 
 def _type_named(name: str) -> KernelType:

@@ -121,14 +121,14 @@ def kind_of(scene: Scene) -> str:
 
 
 def as_json(value: Any) -> Any:
-    """Returns an argument of an entry point as JSON: arrays as their type, shape and content, kernels as null."""
+    """Returns an argument of an entry point as JSON: arrays as their type, shape and content, kernels as []."""
     if isinstance(value, tuple):
         return [as_json(item) for item in value]
     if isinstance(value, np.ndarray):
         content = [plain_number(number) for number in value.ravel().tolist()]
         return {"type": value.dtype.str[1:], "shape": list(value.shape), "content": content}
     if isinstance(value, Kernel):
-        return None
+        return []
     return plain_number(value) if isinstance(value, float) else value
 
 
