@@ -234,7 +234,7 @@ class Engine {
       const limit = maxTime ?? max_time ?? Infinity;
       reset(this.exports);
       if (struck) call(this.exports, `drive_${kind}`, [kernels[0], 0n, 1n, 0n, cue, this.fields(scene, n, numbers), starts]);
-      call(this.exports, `${mode}_${kind}`, [mode === "pic" ? kernels : [kernels[0], null], 0n, 1n, this.fields(scene, n, changes), limit, BigInt(maxEvents), starts, [...results, null], log]);  // no measures
+      call(this.exports, `${mode}_${kind}`, [mode === "pic" ? kernels : [kernels[0], []], 0n, 1n, this.fields(scene, n, changes), limit, BigInt(maxEvents), starts, [...results, null], log]);  // no measures
       const [nEvents, nSegments] = [...used.read()].map(Number);
       if (nEvents > room || nSegments > 4 * room) continue;  // the log was too small: the shot runs again
       const [balls, speeds, turns, playing] = starts.slice(0, 4).map(array => array.read());
