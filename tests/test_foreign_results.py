@@ -124,6 +124,11 @@ def nothing(k, numbers, arrays):
 
 
 @kernel
+def unknown_field(k, numbers, arrays):
+    return arrays.nonsense[k], False, False
+
+
+@kernel
 def two_values(k, numbers, arrays):
     return 1, False
 
@@ -333,7 +338,9 @@ WRONG: list[tuple[Any, Any, str]] = [
     (in_task, nothing, "^task " + KERNELS),
     (in_task, two_values, "^task " + KERNELS),
     (in_task, text, "^task " + KERNELS),
-    (in_task, PLAIN, "^task " + KERNELS),
+    (in_task, PLAIN, "^judge of task 'wrong_.*' = .*: expected a kernel"),
+    (in_task, unknown_field, "^task " + KERNELS + " of the documentation; EpisodeArrays has no field 'nonsense'$"),
+    (lambda judge: in_game(judge=judge), PLAIN, "^judge of game 'wrong_.*' = .*: expected a kernel"),
     (lambda judge: in_game(judge=judge), half_a_ball, "^judge of game 'wrong_.*: expected a function with 3 arguments"),
     (lambda judge: in_game(judge=judge), no_verdict, "^task " + KERNELS),
     (lambda legal: in_game(legal=legal), half_a_ball, "^task " + KERNELS),

@@ -26,10 +26,10 @@ from billiards_env.games.facts import cushions_before_first, cushions_before_las
 from billiards_env.games.game_state import NO_FOUL, NOT_IN_HAND, SHOT, Called, size
 from billiards_env.games.pool import EIGHT, eight_ball, group_of, group_or_eight, lowest_ball, nine_ball
 from billiards_env.games.referee import GAMES, first_state, judged, legal_balls
-from billiards_env.jit import inlined, kernel
+from billiards_env.jit import check_kernel, inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
-from billiards_env.support.checks import RANGES, Range, add_entry, entry_of, short_name
+from billiards_env.support.checks import RANGES, Range, add_entry, entry_of, short, short_name
 
 
 @kernel
@@ -323,7 +323,13 @@ GAME_SHOTS = 200
 
 
 def register_task(name: str, task: Task) -> None:
-    """Adds a task of another package to `TASKS`. The errors are those of `checks.add_entry`."""
+    """Adds a task of another package to `TASKS`. The errors are those of `checks.add_entry`.
+
+    Raises:
+        TypeError: Also if the judge is not a kernel.
+    """
+    if isinstance(task, Task):
+        check_kernel(f"judge of task {name!r} = {short(task.judge)}", task.judge)
     add_entry("task", name, task, TASKS, Task, _RANGES, judge=3, condition=3)
 
 

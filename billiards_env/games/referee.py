@@ -35,7 +35,7 @@ from billiards_env.games.game_state import (
     set_of,
     write_verdict,
 )
-from billiards_env.jit import entry_point, inlined, kernels_of
+from billiards_env.jit import check_kernel, entry_point, inlined, kernels_of
 from billiards_env.support.checks import Range, add_entry, check_call, entry_of, one_of, result_of, sequence, short
 
 FAMILIES = pool, one_pocket, bank_pool, blackball, snooker, carom
@@ -67,10 +67,12 @@ def register_game(name: str, game: Game) -> None:
     """Adds a game of another package to `GAMES`. The errors are those of `checks.add_entry`.
 
     Raises:
-        TypeError: Also if the own state or the facts have other types than those that `Game` describes.
+        TypeError: Also if the judge is not a kernel, or the own state or the facts have other types than those that
+            `Game` describes.
         ValueError: Also if the game lacks a fact that the referee uses.
     """
     if isinstance(game, Game):
+        check_kernel(f"judge of game {name!r} = {short(game.judge)}", game.judge)
         for attribute in ("layouts", "cue_balls", "editions"):
             if getattr(game, attribute) == ():
                 raise ValueError(f"{attribute} of game {name!r} = (): expected at least one")

@@ -3,6 +3,7 @@
 from billiards_env.jit.decorators import (
     Typed,
     allocating,
+    check_kernel,
     entry_point,
     expanded,
     inlined,
@@ -14,6 +15,7 @@ from billiards_env.jit.room import room_for
 __all__ = [
     "Typed",
     "allocating",
+    "check_kernel",
     "entry_point",
     "expanded",
     "inlined",

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -160,7 +161,16 @@ def kernels_of(what: str) -> Iterator[None]:
     try:
         yield
     except (NumbaError, TypeError) as error:  # a TypeError for another number of arguments
-        raise TypeError(f"{what}: expected kernels with the arguments and results of the documentation") from error
+        unknown = re.search(r"Unknown attribute '(\w+)' of type (\w+)", str(error))
+        reason = f"; {unknown[2]} has no field {unknown[1]!r}" if unknown else ""
+        expected = "expected kernels with the arguments and results of the documentation"
+        raise TypeError(f"{what}: {expected}{reason}") from error
+
+
+def check_kernel(what: str, function: Any) -> None:
+    """Raises a TypeError that begins with `what`, a text "name = value", if a function is not compiled."""
+    if callable(function) and not (_config.DISABLE_JIT or isinstance(function, Kernel)):
+        raise TypeError(f"{what}: expected a kernel, a function with the decorator billiards_env.jit.kernel")
 
 
 def _compiled(dispatcher: type[CPUDispatcher], function: F, **options: Any) -> F:
