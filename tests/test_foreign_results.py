@@ -192,7 +192,7 @@ def untyped_fact(shots, k, bits):
 
 
 def new_game(**fields: Any) -> str:
-    usual: dict[str, Any] = {"judge": right, "legal": any_ball, "scene": "pool", "layouts": ("random",), "page": ()}
+    usual: dict[str, Any] = {"judge": right, "legal": any_ball, "scene": "pool", "layouts": ("random",)}
     game = Game(**{**usual, "n_object_balls": (1, 15), "won_by": "", **fields})
     register_game(name := next(NAMES), game)
     return name

@@ -98,7 +98,7 @@ class Game(NamedTuple):
         layouts: The opening layouts; the first is the default. "random" has no break.
         n_object_balls: The smallest and the largest number of object balls; the largest is the default.
         won_by: How the game is won, for the table in the documentation.
-        page: The rules for players: rows of two texts.
+        page: The rules for players: rows of two texts; none by default.
         n_players: The smallest and the largest number of players.
         cue_balls: The balls used as cue ball.
         target: Function of the number of object balls. Returns the default score that wins, or 0 if no score does; None
@@ -144,7 +144,7 @@ class Game(NamedTuple):
     layouts: tuple[str, ...]
     n_object_balls: tuple[int, int]
     won_by: str
-    page: Page
+    page: Page = ()
     n_players: tuple[int, int] = (2, MOST_PLAYERS)
     cue_balls: tuple[int, ...] = (CUE_BALL,)
     target: Callable[[int], int] | None = None
