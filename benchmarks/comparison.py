@@ -211,10 +211,10 @@ def _why(result: dict[str, Any]) -> dict[str, str]:
     ]
     text = (
         "One core, one object ball; one call for each shot, or for all shots of a batch. The error is the distance of "
-        "the final positions from a 50-digit reference, the median of the shots. billiards-env and pooltool play shots "
-        "with friction and spin, both without a timestep. pymunk, a general engine with a timestep, plays other shots: "
-        f"elastic disks, for 10 s. billiards-env plays {rounded(1e6 / ours['us'])} of these a second, with an error of "
-        f"{_error(ours)}."
+        "the final positions from those of a 50-digit reference (median of the shots). billiards-env and pooltool play "
+        "shots with friction and spin, both without a timestep. pymunk, a general engine with a timestep, plays other "
+        f"shots: elastic disks, for 10 s. billiards-env plays {rounded(1e6 / ours['us'])} of these a second, with an "
+        f"error of {_error(ours)}."
     )
     return {"why": f"{table(('', *heads), rows)}\n\n{text}"}
 

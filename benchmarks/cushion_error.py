@@ -1,9 +1,9 @@
 """The error of impacts on `"mathavan2010"` cushions: `python -m benchmarks.cushion_error`.
 
 The law and the 50-digit reference compute random impacts of several kinds, most with the numbers of the scene
-"snooker". The error of velocities, and of spins times the radius, is divided by the normal velocity before the impact,
-and by the unavoidable error: that of an exact law if the motion before the impact is rounded to double precision. The
-reference has no result if both contacts have no slip at one instant.
+"snooker". The command divides the largest error of the velocities, and of the spins times the radius, by the normal
+velocity before the impact, and also by the unavoidable error. This is the error of an exact law whose input is rounded
+to double precision. The reference has no result if both contacts have no slip at one instant.
 
     python -m benchmarks.cushion_error               # 200 impacts of each kind
     python -m benchmarks.cushion_error --impacts 20
@@ -70,7 +70,7 @@ def draw(kind: str, rng: np.random.Generator) -> tuple[tuple[float, ...], Cushio
 
 
 def unavoidable(before: tuple[float, ...], nose: CushionNose, e: float) -> float:
-    """Returns the largest error of the motion after an impact if each number of that before it is rounded."""
+    """Returns the largest error of the motion after an impact if each number of the motion before it is rounded."""
     change: NDArray[np.float64] = np.zeros(5)
     for one in np.eye(5):
         (_, (after, _, _)) = _D_IMPACT(before, nose, e, tuple((one * before).tolist()))

@@ -1,8 +1,9 @@
 """Games judged by a second referee, written from the texts of the rules alone: `python -m benchmarks.referees`.
 
-Random games are judged by `billiards_env.games` and by the referees of this file. These share no code with the games:
-they read the events of a shot, its call and the positions of the balls. After each turn both records are compared. The
-first difference ends a game. The texts are those that `docs/games.md` cites, with what it leaves out.
+`billiards_env.games` and the referees of this file judge random games. The referees share no code with the games: they
+read the events of a shot, its call and the positions of the balls. After each turn the command compares both records.
+The first difference ends a game. The texts are those that `docs/games.md` cites, with the simplifications that it
+lists.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ class Seen(NamedTuple):
 
     Attributes:
         call: The call.
-        hits: The balls that the cue ball touches, in order, each with the number of its cushions before.
+        hits: The balls that the cue ball touches, in order, each with the number of cushions that it hit before.
         pots: The potted object balls, with their pockets.
         driven: The balls that touch a cushion or are potted after the first contact (WPA 8.4).
         scratch: Whether the cue ball is potted.
@@ -342,7 +343,7 @@ CASES: dict[str, tuple[type[Referee], int, dict[str, Any]]] = {
 
 
 def stroke_of(setup: Setup, game: GameState, rng: np.random.Generator) -> Stroke:
-    """Returns a random stroke: most often towards a pot, with a call that it makes, or one of the choices."""
+    """Returns a random stroke, most often towards a pot and with the call of a ball that it pots, or a choice."""
     scene, state = setup.scene, game.state
     kinds = [*choices(state), *(("safety",) if setup.has_safety else ())]
     kind = str(rng.choice(kinds)) if kinds and rng.random() < 0.3 else "shot"
@@ -367,7 +368,7 @@ def stroke_of(setup: Setup, game: GameState, rng: np.random.Generator) -> Stroke
 
 
 def compare(name: str, seed: int) -> tuple[int, dict[str, int], str]:
-    """Plays a random game. Returns its number of turns, those of the special rules, and the first difference."""
+    """Plays a random game. Returns the numbers of turns and of uses of special rules, and the first difference."""
     kind, balls, options = CASES[name]
     rules, rng = name.split(",")[0], np.random.default_rng(seed)
     setup = Setup(rules, Scene.named(GAMES[rules].scene, balls), **options)

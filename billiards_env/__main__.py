@@ -209,7 +209,7 @@ def _add_calibrate(parser: argparse.ArgumentParser) -> None:
     )
     add = parser.add_argument
     add("tracks", type=Path, help="the file")
-    text = "first write simulated tracks to the file, of a table whose constants are 5%% smaller; then fit them"
+    text = "first write simulated tracks to the file, with constants 5%% smaller than those of the scene; then fit them"
     add("--example", action="store_true", help=text)
     add(
         "--scene",
@@ -219,8 +219,8 @@ def _add_calibrate(parser: argparse.ArgumentParser) -> None:
     add("--balls", type=int, metavar="N", help="number of object balls (default: those in the file)")
     add("--free", nargs="+", metavar="CONSTANT", help="the constants (default: friction and restitution)")
     add("--unit", default="m", help="unit of x and y: m, cm, mm, in or px (default: %(default)s)")
-    add("--fps", type=number, help="frames per second, if the column frame has numbers of frames in place of times")
-    text = "other headings in a CSV file, such as ball=object,x=pos_x"
+    add("--fps", type=number, help="frames per second of a file that has frame numbers (column frame) instead of times")
+    text = "headings of a CSV file with other headings, such as ball=object,x=pos_x"
     add("--columns", default="", metavar="NAME=HEADING,...", help=text)
     add("--frame", choices=["fit"], help="fit the frame of the file to rebounds, in any unit")
     add("--noise", type=number, help="standard deviation of a coordinate, m (default: an estimate)")

@@ -14,7 +14,7 @@ from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate
 
 SHOTS, FPS, NOISE, CHANGE = 10, 30, 0.001, 0.95
-"""The number of shots, frames per second, the noise of a coordinate, m, and the constants over those of the scene."""
+"""The number of shots, the frames per second, the noise of a coordinate, m, and the constants over those of a scene."""
 
 
 def write_example(path: str | os.PathLike[str], scene: Scene) -> str:

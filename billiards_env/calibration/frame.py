@@ -156,7 +156,7 @@ def check_frame(scene: Scene, shots: Sequence[PreparedTrack], noise: float) -> N
 
 
 def _expected(scene: Scene, shots: Sequence[PreparedTrack], most: Floats) -> str:
-    """Returns what a scene expects of tracks, and whether they fit with exchanged axes.
+    """Returns the end of a message: what a scene expects of tracks, and a question if they fit with exchanged axes.
 
     `most` are the largest abs(x) and abs(y) on the table, (2,) m.
     """

@@ -132,8 +132,8 @@ def read_tracks(
     Args:
         path: The file.
         unit: The unit of x and y without a unit in their heading, one of `UNITS`.
-        fps: Frames per second, if the file has numbers of frames, in the column "frame", in place of times.
-        columns: Headings of a CSV file with other names, by the name in `COLUMNS`, such as {"ball": "object"}.
+        fps: Frames per second of a file that has frame numbers, in a column "frame", instead of times.
+        columns: The headings of a CSV file with other headings, by the names in `COLUMNS`, such as {"ball": "object"}.
 
     Returns:
         The shots in the order in which they begin in the file.

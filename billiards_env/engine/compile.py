@@ -153,7 +153,7 @@ def run_shots_of(scene: Scene, engine: Engine) -> tuple[Callable[..., None], Any
 def typed_run(scene: Scene, engine: Engine, has_scatter: bool = False, measures: tuple[str, ...] = ()) -> Typed:
     """Returns the function that runs the shots of a scene by an engine, without its argument `kernels`.
 
-    Its arrays are those of `empty_shots` or have the same types.
+    The types of its arrays must be those of `empty_shots`.
     """
     run_shots, kernels = run_shots_of(scene, engine)
     return Typed(run_shots, with_measures(kernels, measures))
@@ -179,7 +179,7 @@ def scene_arrays(scene: Scene) -> SceneArrays:
 
 
 def with_scatter(fields: tuple[Any, ...], scatter: Scatter | None) -> tuple[Any, ...]:
-    """Returns `scene_fields` with the scatter of the cushions; None for none."""
+    """Returns `scene_fields` with the scatter of the cushions, or without scatter if it is None."""
     return *fields[:-1], None if scatter is None else tuple(scatter)
 
 

@@ -28,7 +28,7 @@ A finite sequence of two balls and a fixed body has fewer impacts than `longest_
 between two fixed bodies has more, so the rule stops it. An elastic ball in a wedge between two cushions has up to
 pi / angle impacts, so the rule may stop it if the angle is less than pi / `longest_run`, which is 0.18 degrees.
 
-`engine.in_space` describes what the rule does to balls above the cloth.
+`engine.in_space` describes the rule for balls above the cloth.
 
 The kernels change velocities, slip and spin; the caller then sets the phase with `motion.begin_phase`.
 """

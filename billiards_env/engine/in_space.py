@@ -1,4 +1,4 @@
-"""Balls that fly: what differs from `on_cloth`. `space.Space` describes the kernels.
+"""Balls that fly: the kernels that differ from `on_cloth`. `space.Space` describes them.
 
 A ball flies if it is above the cloth or has a vertical velocity, see `physics.laws.flight`. It meets the slate, the
 noses of the cushions (`physics.geometry.noses`), pockets and other balls.
@@ -9,8 +9,8 @@ contact-time rule of `contact_rule` acts with A = g |n_z| and tau = sqrt(2 h / g
 than h, which last a few milliseconds with the default numbers. An impulse along a vertical normal would leave a ball on
 top of another one. So if the normal of a weak impact is nearer to the vertical than `LEAN`, and the bodies hardly move
 past each other, the rule pushes them aside (see `push_aside`). The impulse itself acts along the true normal, so the
-bodies separate along the normal of which the next impact is predicted. If a sequence of impacts is over and one of the
-balls is in the air, the impact is plastic, since gravity moves the ball on.
+bodies separate along the normal with which the next impact is predicted. At the end of a sequence of impacts, a ball in
+the air does not come to rest, because gravity moves it on. The impact is plastic instead.
 """
 
 from __future__ import annotations
@@ -129,7 +129,7 @@ def _fly(state, i, time, numbers):  # out: state
 
 @inlined
 def land(state, i, numbers):  # out: state
-    """Changes the motion of ball i by the slate."""
+    """Changes the motion of ball i by its impact on the slate."""
     s = state.rows[i]
     ball, s[VZ] = bounce_on_slate(ball_of(s), min(s[VZ], 0.0), numbers)
     s[Z] = 0.0
@@ -149,9 +149,9 @@ def end_in_air(i, state, scene):
     """Returns how the flight of ball i ends if the ball hits nothing in the air.
 
     A ball is potted if it lands in a pocket, or in the mouth of one, farther out than a ball on the cloth can be. If
-    its centre passes over the line of the noses inside a pocket, it hits the back of the pocket and is potted, if the
-    centre leaves the pocket lower than 2/5 of a radius above its height on the cloth (the rule of the simulator
-    pooltool). Every other ball whose centre passes over a nose is driven off the table.
+    its centre passes over the line of the noses inside a pocket, and leaves the pocket lower than 2/5 of a radius above
+    its height on the cloth, the ball hits the back of the pocket and is potted (the rule of the simulator pooltool).
+    Every other ball whose centre passes over a nose is driven off the table.
 
     Returns:
         The time, s after the ball's own, the kind of event, and the pocket, or the cushion whose nose the centre passes
@@ -314,7 +314,7 @@ def push(contacts, p, state, scene):  # out: state
 
 @inlined
 def _rub(friction, tilt, pair, p, contacts, state, scene):
-    """Returns the states of the balls of the first contact after friction, and the impulse up on the first ball."""
+    """Returns the states of the balls of the first contact after friction, and the upward impulse on the first ball."""
     a, b = ball_of(state.rows[contacts.first[0]]), ball_of(state.rows[contacts.second[0]])
     if friction is None:
         return a, b, 0.0
@@ -457,7 +457,7 @@ def _normal(c, contacts):
 
 @inlined
 def stop(over, count, contacts, state, scene, memory):  # out: state
-    """Implements `Space.stop`. It does not stop a ball in the air; a jam has a horizontal normal."""
+    """Implements `Space.stop`. A ball in the air does not come to rest. A jam has a horizontal normal."""
     over = over and not _is_in_air(count, contacts, state)
     if over or contacts.normal[0, UPWARDS] == 0.0:
         return on_cloth.stop(over, count, contacts, state, scene, memory)

@@ -1,16 +1,17 @@
-"""Measures: what a shot records only if a task, an observation, a game or a caller of `simulate` asks for it.
+"""Measures: values that a shot records only for a task, an observation, a game or a call of `simulate` that names them.
 
-`MEASURES` has one entry for each. Its values are a field of the rows `Shots.measures`. Its kernel writes this field at
-some moments of a shot. The arguments of the kernel are
+`MEASURES` has one entry for each measure. The numbers of a measure are a field of the rows `Shots.measures`. The kernel
+of the measure writes this field at some moments of a shot. The arguments of the kernel are
 
     moment: START, BEFORE_IMPACT or AFTER_IMPACT.
     i: The first ball of the impact, -1 at the start.
     j: The second one, i < j.
     k: The shot.
     state: The `State` of the balls at this moment.
-    shots: The `Shots`. At an impact they do not yet contain it.
+    shots: The `Shots`. They do not contain this impact yet.
 
-An engine is compiled with the kernels of the measures that it records, and shots without measures with none.
+An engine is compiled with the kernels of the measures that it records. For shots without measures it is compiled with
+`record_nothing`.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ class Measure(NamedTuple):
         summary: What the numbers are, for the documentation.
         shape: The shape of the numbers of a shot, which are float64.
         record: The kernel, see the module.
-        largest: Returns the number that the feature of the observation shows as 1, from the scene and the largest speed
-            of an action, m/s.
+        largest: Function of the scene and of the largest speed of an action, m/s. Returns the number that is 1 in the
+            feature of the observation.
     """
 
     summary: str
@@ -49,7 +50,7 @@ class Measure(NamedTuple):
 
 @inlined
 def record_first_hit_velocities(moment, i, j, k, state, shots):  # out: shots
-    """Writes the velocities of `MEASURES`."""
+    """Records the measure "first_hit_velocities"."""
     velocities, cue = shots.measures[k].first_hit_velocities, shots.cue[k]
     if moment == START:
         velocities[:] = math.inf
@@ -61,7 +62,7 @@ def record_first_hit_velocities(moment, i, j, k, state, shots):  # out: shots
 
 MEASURES = {
     "first_hit_velocities": Measure(
-        "the velocities before and after the first impact of the cue ball, those of the cue ball and of the other ball",
+        "velocities at the first impact of the cue ball: before and after it, of the cue ball and of the other ball",
         (2, 2, 2),
         record_first_hit_velocities,
         lambda scene, max_speed: max_speed,

@@ -222,7 +222,7 @@ def _end_phases(until, next_end, max_events, k, scene, work, shots, log):  # out
 
 @inlined
 def _is_in_motion(next_end, state):
-    """Returns whether a ball moves or turns. The phase of a ball that moves may have no end."""
+    """Returns whether a ball moves or turns. The phase of a moving ball may have no end."""
     for i in range(len(state.phase)):
         if moves(state, i):
             return True

@@ -1,13 +1,11 @@
-"""What PIT does at a timestep to balls that fly: what differs from `pit_on_cloth`. `Space` describes the kernels.
+"""The steps of PIT for balls that fly: the kernels that differ from `pit_on_cloth`. `space.Space` describes them.
 
-For a ball in the air, PIT finds how its flight ends.
-
-The path of a ball between two timesteps is that of the exact engine, and `in_space.end_in_air` finds how it ends. A
-ball that has reached the slate lands at its place at the timestep, with the vertical speed at which it reached the
-slate. If a ball has passed over a nose, its height there decides: a ball that clears the nose is driven off the table,
-and a lower one is put back at the nose, with any fix, and is reflected. A ball that overlaps a nose at a timestep and
-approaches it is reflected by `in_space.resolve_in_air`. The fix "push_apart" first moves it away from the nose
-horizontally until they touch.
+Between two timesteps, the path of a ball in the air is that of the exact engine, and `in_space.end_in_air` finds the
+end of the flight. A ball that has reached the slate lands at the timestep, at its horizontal position at that time,
+with the vertical speed at which it reached the slate. If a ball has passed over a nose, PIT computes its height at the
+nose: a ball that clears the nose is driven off the table. A lower ball is put back at the nose, with any fix, and is
+reflected. A ball that overlaps a nose at a timestep and approaches it is reflected by `in_space.resolve_in_air`. The
+fix "push_apart" first moves it away from the nose horizontally until they touch.
 """
 
 from __future__ import annotations
@@ -40,7 +38,7 @@ UP, UP_SPEED = 4, 5
 """Columns of `pit.PitWorkspace.here`: the height, m, and the vertical velocity, m/s."""
 
 _INSIDE = 1e-9
-"""A ball that touches a nose is at least this far from it horizontally, over the radius."""
+"""The least horizontal distance between a nose and a ball that touches it, over the radius."""
 
 
 @inlined
@@ -94,7 +92,7 @@ def _follow(i, work):  # out: work
 
 @inlined
 def _end_of_flight(i, t, scene, work):
-    """Returns what ends the flight of ball i until t seconds after its own time.
+    """Returns the event that ends the flight of ball i within t seconds after its own time.
 
     Returns:
         The time, s after the ball's own, the kind of event, -1 for none, and the pocket or the cushion.
@@ -118,7 +116,7 @@ def _end_of_flight(i, t, scene, work):
 
 @inlined
 def test_pockets(i, now, k, scene, work, shots, log):  # out: work, shots, log
-    """Implements `Space.test_pockets`: resolves and records what has ended the flight of a ball in the air."""
+    """Implements `Space.test_pockets`: resolves and records the event that has ended the flight of a ball."""
     if work.state.phase[i] != AIRBORNE:
         return pit_on_cloth.test_pockets(i, now, k, scene, work, shots, log)
     state, row, t = work.state, work.state.rows[i], since(now, own_time(work.state, i))
@@ -140,7 +138,7 @@ def test_pockets(i, now, k, scene, work, shots, log):  # out: work, shots, log
 
 @inlined
 def _land(i, now, k, scene, work, shots, log):  # out: work, shots, log
-    """Changes the motion of ball i by the slate, which it touches, and records this."""
+    """Resolves and records the landing of ball i, which touches the slate."""
     row = work.state.rows[i]
     speed = -row[VZ]
     land(work.state, i, scene.numbers)

@@ -1,4 +1,4 @@
-"""What PIT does at a timestep to balls on the cloth. `Space` describes the kernels."""
+"""The steps of PIT for balls on the cloth. `space.Space` describes the kernels."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def shift(i, way, work):  # out: work
 
 @inlined
 def overlap(i, j, here, scene):
-    """Implements `Space.overlap`. If two balls have the same centre, their velocity replaces the line of centres."""
+    """Implements `Space.overlap`. For equal centres, the relative velocity replaces the line of centres."""
     reach = scene.space.contact_distance(i, j, scene)
     dx, dy = here[j, X] - here[i, X], here[j, Y] - here[i, Y]
     if dx * dx + dy * dy >= reach * reach:
@@ -123,7 +123,7 @@ def resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, shot
 
 @inlined
 def _overlap_of(i, wall, scene, work):
-    """Returns how long ago ball i, which overlaps a cushion or touches it, first touched it, s."""
+    """Returns the time since ball i, which overlaps or touches a cushion, first touched it, s."""
     here, radius = work.here, scene.radius[i]
     beyond, nx, ny = scene.walls.overlap(here[i, X], here[i, Y], radius, wall, scene)
     path = Path(here[i, X], here[i, Y], here[i, VX], here[i, VY], 0.0, 0.0)
@@ -141,7 +141,7 @@ def _first_overlap(i, wall, scene, work):
 
 @kernel
 def _hit_cushion(i, wall, key, scene, work):  # out: work
-    """Reflects ball i at a cushion if it is beyond it and does not come back, and at another that it then touches.
+    """Reflects ball i at a cushion that it overlaps and does not leave, and at another one that it then touches.
 
     `key` is the `scatter_key` of the impact.
 

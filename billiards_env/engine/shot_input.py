@@ -141,7 +141,7 @@ def _is_apart(i, places, in_play, scene, cells):  # out: cells
 
 @inlined
 def _test(begin, end, scene, starts, cells):  # out: cells
-    """Returns VALID if all shots from `begin` to `end - 1` may start, DOUBTFUL or INTERRUPTED.
+    """Returns VALID if all shots from `begin` to `end - 1` may start, INTERRUPTED after Ctrl-C, and otherwise DOUBTFUL.
 
     `cells` is a result of `empty_cells`, or None.
     """
@@ -166,7 +166,7 @@ def _test(begin, end, scene, starts, cells):  # out: cells
 
 @allocating
 def _test_many(begin, end, scene, starts):
-    """Returns the same as `_test`, faster for many balls: only balls in neighbouring cells are compared."""
+    """Returns the result of `_test`. It is faster for many balls: it compares only balls in neighbouring cells."""
     return _test(begin, end, scene, starts, empty_cells(scene))
 
 
@@ -194,7 +194,7 @@ def is_valid_fast(kernels, begin, end, scene, starts):
 
 @entry_point
 def is_valid_fast_of_many(kernels, begin, end, scene, starts):
-    """Returns the same as `is_valid_fast`, faster for many balls."""
+    """Returns the result of `is_valid_fast`. It is faster for many balls."""
     found = _test_many(begin, end, scene_of(kernels, scene, 0), starts)
     end_call(found == INTERRUPTED)
     return found == VALID

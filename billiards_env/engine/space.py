@@ -1,8 +1,9 @@
-"""Where the balls of a scene move: on the cloth, or in space if balls fly.
+"""The kernels that depend on where balls move: on the cloth, or in space if they fly.
 
-`Space` describes the kernels. `on_cloth` and `pit_on_cloth` contain those of balls on the cloth, and `in_space` and
-`pit_in_space` those that differ if balls fly, with the same names. A scene has one `Space`, so numba compiles only its
-kernels. The code of the engines and of the impacts, which calls them as `scene.space`, is the same for all.
+`Space` describes the kernels. `on_cloth` and `pit_on_cloth` contain those of balls on the cloth. `in_space` and
+`pit_in_space` contain those that differ if balls fly, with the same names. The engines and the impacts call the kernels
+through `scene.space`, so their own code is the same for all scenes. A scene has one `Space`, and numba compiles only
+the kernels of this `Space`.
 """
 
 from __future__ import annotations
@@ -17,22 +18,23 @@ from billiards_env.scene import Scene
 class Space(NamedTuple):
     """The kernels of the balls of a scene.
 
-    A normal is a unit vector from ball i to ball j, with as many components as there are axes. The impulses of `slip`
-    and `push` are along the normal if there are three axes, and otherwise the horizontal parts of such impulses: the
-    table takes up the vertical part. Names: `scene` is the `SceneArrays`, `state` the `State`, `row` a row of it, `now`
-    a `Time`, k a shot, c a contact of `contacts`, `work` the workspace of the engine.
+    A normal is a unit vector from ball i to ball j, with as many components as there are axes. With three axes, the
+    impulses of `slip` and `push` are along the normal. With two axes, they are the horizontal parts of such impulses,
+    because the table takes up the vertical part. Names: `scene` is the `SceneArrays`, `state` the `State`, `row` a row
+    of it, `now` a `Time`, k a shot, c a contact of `contacts`, `work` the workspace of the engine.
 
     Attributes:
         axes: (). Returns the number of components of a velocity, 2 or 3.
-        load: (k, i, shots, row). Copies the velocity of ball i at the start of a shot, and its height, to its row.
-        store: (k, i, row, shots). Copies them back.
+        load: (k, i, shots, row). Copies the velocity of ball i, and with three axes its height, from the start of a
+            shot to its row.
+        store: (k, i, row, shots). Copies them from the row to the end of the shot.
         begin_phase: (state, i, numbers). Begins the next phase of ball i, see `motion.begin_phase`.
         advance: (state, i, time, numbers). Advances the row of ball i to a `Time` within its phase.
 
-        event_alone: (i, state, scene). Returns the next event of ball i alone: the time after the ball's own, s, the
+        event_alone: (i, state, scene). Returns the next event of ball i alone: the time, s after the ball's own, the
             kind, and the cushion, the pocket or -1.
-        resolve_single: (i, now, k, scene, work, shots, log). Resolves and records this event. Returns the number of
-            events; a corner counts as two.
+        resolve_single: (i, now, k, scene, work, shots, log). Resolves and records the event of `event_alone`. Returns
+            the number of events; a corner counts as two.
 
         contact_distance: (i, j, scene). Returns the distance at which two balls on the cloth touch, m.
         meeting_time: (i, j, now, path, end, noise, state, scene). Returns when two balls touch after `now`, see
@@ -54,15 +56,15 @@ class Space(NamedTuple):
         limits: (c, contacts, numbers). Returns the `contact_rule.Limits` of a contact.
         pressing: (c, contacts, state, scene). Returns the speed of approach at a contact, m/s, and the acceleration of
             the balls towards each other, m/s^2.
-        stop: (over, count, contacts, state, scene, memory). Resolves impacts by the end of a sequence: brings the balls
-            to rest if it is `over`, or resolves a jam. Returns whether it does.
+        stop: (over, count, contacts, state, scene, memory). Ends a sequence of impacts: brings the balls to rest if the
+            sequence is `over`, or resolves a jam. Returns whether it has ended one.
 
         follow: (i, t, numbers, work). PIT: computes the motion of ball i in `here`, t seconds after its own time.
         predict_phase_end: (i, work). PIT: computes the time at which the phase of ball i ends between timesteps.
-        test_pockets: (i, now, k, scene, work, shots, log). PIT: resolves what has happened to ball i alone, except at
-            cushions. Returns whether something has.
+        test_pockets: (i, now, k, scene, work, shots, log). PIT: resolves an event of ball i alone since the last
+            timestep, except at cushions. Returns whether there was one.
         overlap: (i, j, here, scene). PIT: returns the normal of two balls and the speed of approach, m/s, which is
-            negative if they do not overlap or separate.
+            negative if they separate or do not overlap.
         distance: (i, j, here). PIT: returns the distance of two centres, m.
         shift: (i, way, work). PIT: moves ball i by a vector, m.
         resolve_overlaps: (count, now, k, scene, work, shots, log). PIT: resolves and records the impacts of the first
@@ -101,7 +103,7 @@ class Space(NamedTuple):
 
 
 def _space_of(*modules: ModuleType) -> Space:
-    """Returns the kernels of modules, each from the first module that has it."""
+    """Returns a `Space`, each kernel of which is from the first of some modules that has it."""
     kernels = {name: kernel for module in reversed(modules) for name, kernel in vars(module).items()}
     return Space(*(kernels[name] for name in Space._fields))
 

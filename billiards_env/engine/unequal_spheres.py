@@ -1,4 +1,4 @@
-"""Spheres of different size on the cloth, whose normals are not horizontal: what differs from `on_cloth`."""
+"""Spheres of different sizes on the cloth: the kernels that differ from `on_cloth`, as normals are not horizontal."""
 
 from __future__ import annotations
 

@@ -75,7 +75,8 @@ class Model(NamedTuple):
         can_call: Whether the players call, see `BilliardsEnv`.
         can_place: Whether the players place a cue ball in hand.
         scatter: The standard deviations of the scatter of the cushions, see `physics.scatter`; None for none.
-        measures: What the shots record for the task and the observation, see `engine.measures`; keys of `info`.
+        measures: The measures that the shots record for the task and the observation, see `engine.measures`. They are
+            also keys of `info`.
         arguments: The arguments by name, with the values that the environment uses in place of None.
     """
 

@@ -178,7 +178,7 @@ def feature_of(name: str, measure: Measure) -> Feature:
         fresh, values = source.arrays.fresh, source.arrays.measures[name]
         return fresh, values.reshape(len(fresh), -1), measure.largest(source.scene, source.model.max_speed)
 
-    summary = f"{measure.summary}, in the last shot of the episode; zeros without it"
+    summary = f"{measure.summary}, in the last shot of the episode; zeros if there is none"
     return Feature(summary, measure.shape, -1.0, write_measure, reads)
 
 

@@ -237,7 +237,7 @@ class Task(NamedTuple):
             legal balls first.
         breaks: The layouts whose first shot is the break of the game.
         flies: Whether the cue ball must leave the cloth: the scene needs flights, and the action a cue.
-        measures: What the shots record for the kernels, see `engine.measures`.
+        measures: The measures that the shots record for the kernels, see `engine.measures`.
     """
 
     judge: Callable[..., Any] | None

@@ -58,7 +58,7 @@ GAMES = {
         scoring=banked,
         sources=("OnePocket.org, a draft of 27 January 2006, and a secondary source for fouls",),
         left_out=(
-            ("1", "a bank: a potted ball that the cue ball touched first, before a cushion, and that hit a cushion"),
+            ("1", "a potted ball is a bank if the cue ball touched it first, before a cushion, and it hit a cushion"),
             ("1", "contacts with other balls on the way are not checked; a touch of a jaw counts as a cushion"),
             ("2.1", "balls are spotted after each shot, and not at the end of the inning"),
             ("2.2, 2.3", "the break has no requirement"),

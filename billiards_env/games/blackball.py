@@ -102,7 +102,7 @@ GAMES = {
         settle=settle,
         sources=("WPA Blackball Rules 2005; in parts secondary sources",),
         left_out=(
-            ("4b", "a break without a pot drives two balls to a cushion, instead of over the middle line; no new rack"),
+            ("4b", "a break without a pot must drive two balls to a cushion, not over the middle line; no new rack"),
             ("4d", "a black potted on the break is spotted, and the same player continues, without a new break"),
             ("5g", "a snookered player also has to pot a ball or to drive one to a cushion"),
             ("6c", "after a foul the cue ball stays where it lies, except after a scratch"),

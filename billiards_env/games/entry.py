@@ -107,7 +107,8 @@ class Game(NamedTuple):
             shots and safeties.
         editions: The names of the editions of the rules, the default first; `RulesState.edition` is the index.
         sources: The source of each edition, for the table in the documentation.
-        left_out: What the rules leave out or simplify: rows of the number of a rule and a text, for the documentation.
+        left_out: What this game leaves out or simplifies: rows with the number of a rule and a text, for the
+            documentation.
         without_safety: The editions that have called shots but no safeties.
         choices: The choices that a player may have besides a shot, of `CALLS`.
         counts_fouls: Whether consecutive fouls are penalised.
@@ -122,7 +123,7 @@ class Game(NamedTuple):
         state: Function of the number of object balls. Returns the own state at the opening, a NamedTuple whose fields
             have the types of `game_state`, such as `Count`. `Game.state_type` is the type of the whole state.
         facts: The facts of a shot that the game uses, see `games.facts`.
-        measures: What the engine records for these facts, see `engine.measures`.
+        measures: The measures that the engine records for these facts, see `engine.measures`.
         check: Function of a state of a custom opening. Returns what is expected of the balls on the table, or "".
         see: Kernel `(table, positions, state, facts, call)`. Writes the facts of a shot that need the positions after
             it.

@@ -37,7 +37,7 @@ class Records(NamedTuple):
         pockets: (m, n) int32.
         pot_order: (m, n) int32.
         touched_first: (m, n) bool.
-        measures: (m,) `Game.measures`, or None.
+        measures: (m,) the measures of `Game.measures`, or None.
     """
 
     cue: Any

@@ -198,7 +198,7 @@ def hints_of(*rows: type) -> dict[str, Any]:
 
 
 def check_type(what: str, hint: Any) -> None:
-    """Raises a TypeError unless a field of a row can have an annotated type."""
+    """Raises a TypeError if no field of a row can have an annotated type."""
     kind = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     if kind not in (int, bool) and not (get_origin(kind) is tuple and {*get_args(kind)} == {int}):
         raise TypeError(f"{what} = {hint}: expected int, bool or a tuple of ints as its annotated type")

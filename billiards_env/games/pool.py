@@ -325,7 +325,7 @@ _FROZEN = ("8.4", "a ball frozen to a cushion counts as driven to it if it is hi
 _STALEMATE = ("1.12", "a player calls a stalemate, after six turns of each player without a pot, a point or a foul")
 _CALLED = ("1.6", "without `call_shot`, any ball potted on a legal shot counts, in any pocket")
 _LEFT_OUT = _BEHIND, _FROZEN, _STALEMATE
-_FOULS = ("6.14", "the third foul in a row loses without a warning, and only with two players")
+_FOULS = ("6.14", "the third foul in a row loses without a warning, but only in a game of two players")
 _POOL = functools.partial(
     Game,
     scene="pool",
@@ -357,9 +357,9 @@ GAMES = {
         left_out=(
             *_LEFT_OUT,
             _CALLED,
-            ("4.3", "without a choice, a breaker need not break again"),
+            ("4.3", "if the next player makes no choice, the breaker does not break again"),
             ("4.4", "without a target the game is one rack"),
-            ("4.11", "the third foul in a row costs points without a warning, and only with a target"),
+            ("4.11", "the third foul in a row costs points without a warning, but only in a game with a target"),
             ("4.12", "no lag after a stalemate: the player who broke breaks again"),
         ),
         page=(
@@ -386,7 +386,7 @@ GAMES = {
         left_out=(
             *_LEFT_OUT,
             _CALLED,
-            ("3.3", "without a choice, no rack is repeated, and an eight ball potted on the break is spotted"),
+            ("3.3", "if no choice is made, there is no new rack, and an eight ball potted on the break is spotted"),
             ("3.3 h", "after a break that hits no ball the cue ball is in hand, and cannot stay where it lies"),
         ),
         page=(

@@ -1,15 +1,15 @@
 """The turn of a game: from a shot, or from a call without a shot, to the state before the next shot.
 
-The parts of a turn, each a field of `Game` with a default where a game may leave it out:
+A turn has these parts. Most of them are fields of `Game`, with a default if a game may leave them out.
 
 1. The player may touch the balls of `legal` first, may call those of `callable`, and has the `choices` of the state.
 2. After the shot `record` and `see` find its facts.
 3. `judge` returns the verdict. `referee.judged` counts points and fouls, and changes the player.
 4. `spot` and `rack` return balls to the table.
-5. `settle` and `look` add what follows from the balls at rest: snooker may give a free ball, and balls may touch.
+5. `settle` and `look` add what follows from the balls at rest, such as a free ball in snooker, or balls that touch.
 
-After a call without a shot, `without_shot` or `replace` changes the balls instead of 2 to 4. The kernels change one
-game in place. Their argument `rules`, the `entry.Rules` of the game, chooses the code.
+After a call without a shot, `without_shot` or `replace` changes the balls in place of the parts 2 to 4. The kernels
+change the arrays of one game. Their argument `rules`, the `entry.Rules` of the game, chooses the code.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def after_shot(rules, table, positions, state, facts, call):  # out: positions, 
 def put_back(rules, table, positions, state, judgement, lying):  # out: positions, state
     """Spots balls and places a new rack after a shot.
 
-    Returns a ball for which there is no room on the table, or -1. `lying` has the cue ball of the shot and the set of
+    Returns a ball for which there is no room on the table, or -1. `lying` is the cue ball of the shot and the set of
     the object balls that stayed on the table.
     """
     cue, others = lying

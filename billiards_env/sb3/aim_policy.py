@@ -273,7 +273,8 @@ class AimPolicy(ActorCriticPolicy):
         """Writes the networks as an ONNX file, which runs without PyTorch. Needs the extra `onnx`.
 
         The input `observation` is (m, size) float32, for any m. The outputs are `action`, the likeliest action (m, a),
-        `value` (m,), and the attributes of `Mixture` by name: the standard deviations for each Gaussian, `turn` (m,).
+        `value` (m,), and the attributes of `Mixture` by name. The standard deviations have a value for each Gaussian,
+        and `turn` is (m,).
 
         Args:
             path: A name that ends in ".onnx".

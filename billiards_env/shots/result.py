@@ -64,7 +64,7 @@ class ShotResult:
         cue: The ball that counts as the cue ball: 0, except in some shots of carom games.
         heights: (n, 2) float64: the height above the cloth, m, and the vertical velocity, m/s, at the end: zero unless
             the shot is cut. None in scenes without flight.
-        measures: The values of `engine.measures` that `simulate` was asked for, by name; None for none.
+        measures: The numbers of the argument `measures` of `simulate`, by name, see `engine.measures`; None for none.
         events: Structured array with the fields time (s), kind ("ball_ball", "cushion", "pocket", "sliding_rolling",
             "rolling_rest", "spinning_rest", "rolling_slower" if the rolling resistance depends on the speed, and with
             flight "landing" or "off_table"), ball, other (the second ball, the cushion, the pocket, or -1), x and y

@@ -74,7 +74,7 @@ def simulate(
             `physics.scatter`. Missing ones have the values of `shots.noise.SCATTER`, and {} has all of them. None for
             no scatter. A shot with scatter has no derivatives.
         seed: The seed of the scatter, from 0 to 2^63 - 1.
-        measures: Names in `engine.measures.MEASURES`, of what the shot also records.
+        measures: The names of the measures that the shot also records, from `engine.measures.MEASURES`.
 
     Returns:
         The balls at the end of the shot, and what happened.

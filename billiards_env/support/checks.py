@@ -287,7 +287,7 @@ def add_entry(
     """Adds an entry of another package to a table, such as `TASKS`.
 
     The same entry may be added again. Another package may also change its own entry, for example in a cell of a
-    notebook: a function of both entries is then from the same module.
+    notebook. An entry is its own if a function of the old entry and one of the new entry are from the same module.
 
     Args:
         what: What the table holds, for error messages.

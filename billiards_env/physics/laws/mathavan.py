@@ -19,13 +19,14 @@ The solution is a sequence of Taylor series of order `ORDER`, whose coefficients
 Interval Analysis, chapter 11). They are series in P, but if both contacts slip, in tau with dP = rho sigma dtau, over
 rho + sigma at the start of the step, where rho and sigma are the sizes of the slips at the cushion and at the cloth. In
 tau, a slip that stops decays exponentially. Slips that begin are series P u(P), or P^2 u(P) at the end of a stick. A
-step ends where a series has a term of 1e-16 of the slips, and where a contact begins to slip, the ball leaves the
-cloth or a phase ends: at a root of a polynomial.
+step ends where the last term of a series is 1e-16 of the slips. It also ends where a contact begins to slip, the ball
+leaves the cloth or a phase ends. Each of these times is a root of a polynomial.
 
-Near the limit of sticking a slip creeps: in tau, it needs hundreds of steps to stop, or to grow again. Then its
-direction e depends on the other slip, and only a part that has decayed depends on its past: the motion is on a slow
-manifold. There, the size r and e are regular series in P, also where r is zero. If the slip has the rate F - K e, then
-r' e = F - K e - r e'. Order k of e depends on order k + 1 times r, which is small, so sweeps over the orders converge.
+Near the limit of sticking, a slip creeps: in tau, it needs hundreds of steps to stop, or to grow again. Its direction e
+then depends only on the other slip, because the part of e that depends on the past has decayed: the motion is on a slow
+manifold. There, e and the size r of the slip are regular series in P, even where r is zero. If F - K e is the rate of
+the slip, then r' e = F - K e - r e'. Order k of e depends on r times order k + 1 of e. Since r is small, repeated
+sweeps over the orders converge.
 
 The axes are x along the cushion, y into it and z up. Impulses are per mass; spins are times the radius. Below, (x, y)
 is the slip at the cushion and (u, v) that at the cloth, all velocities are over the normal velocity before the impact,
@@ -50,11 +51,11 @@ _NO_PRESS = 1e-9  # at a smaller press over `mu_cloth`, the last event decides w
 _SMALL = 0.01  # a restitution below which the end of the compression ends a step, for the digits of the work left
 _MOST_STEPS = 400  # a limit for safety; an impact has about 12
 _PATIENCE = 300  # the number of steps after which `_STOPPED` doubles in each step, so that two small slips stop
-_USUAL_STEPS = 100  # the number of steps after which a small slip may creep
+_USUAL_STEPS = 100  # the number of steps after which a small slip is tested for creeping
 _CREEP = 0.02  # the largest slip that creeps, over the other slip
 _SWEEPS = 24  # the number of sweeps for a slip that creeps
 _SLIPS, _BEGINS, _CREEPS, _STICKS, _STOPS, _RELEASED = range(6)  # the states of a contact
-# What ends a step: a contact is released or stops, the press, a phase.
+# What ends a step: nothing, a contact that is released, a slip that stops, a change of the press, the end of a phase.
 _NOTHING, _NOSE, _CLOTH, _NOSE_STOPS, _CLOTH_STOPS, _LIFT, _COMPRESSED, _RESTORED = range(8)
 
 
@@ -201,7 +202,7 @@ def _slip_both(c, nose):  # out: c
 def _begin(k, slip, sums, force, reaction):  # out: slip
     """Returns order k of the direction e, and writes order k + 1 of the size r, of a slip r e with the rate F - K e.
 
-    The slip is zero at first, or it creeps: then r is not zero, and e_{k+1} is known from the last sweep.
+    The slip is zero at first, or it creeps. If it creeps, r is not zero, and e_{k+1} is that of the last sweep.
 
     Args:
         k: The order, zero only if the slip creeps.
@@ -288,8 +289,8 @@ def _sweep(c, by_nose, by_cloth, nose):  # out: c
 def _slip_one(c, at_nose, at_cloth, nose):  # out: c
     """Writes the series in P of (x, y, u, v, vx, work, vy, rho, sigma) from c[:6, 0], and returns `step_length`.
 
-    `at_nose` and `at_cloth` are the state of the contact, the direction (x, y) of its slip, and its rate if it begins,
-    otherwise 0.
+    `at_nose` and `at_cloth` describe the contacts: the state, the direction (x, y) of the slip, and the rate of a slip
+    that begins, otherwise 0.
     """
     (by_nose, ex, ey, rate), (by_cloth, fx, fy, rate_c), length = at_nose, at_cloth, 0.0
     c[:4, 1:] = 0.0
@@ -409,12 +410,12 @@ def _after(c, t):
 
 @kernel
 def _contacts(motion, states, first, lifted, nose):
-    """Returns what the contacts do, of which one slips.
+    """Returns the new states of the contacts, of which at least one slips.
 
     Args:
         motion: (x, y, u, v).
-        states: Those of the contacts.
-        first: Whether the impact begins.
+        states: The states of the contacts at the end of the last step.
+        first: Whether this is the first step of the impact.
         lifted: Whether the ball was above the cloth at the end of the last step.
         nose: The `CushionNose`.
 
@@ -467,7 +468,8 @@ def _contacts(motion, states, first, lifted, nose):
 def _series(c, motion, at_nose, at_cloth, creeps, nose):  # out: c
     """Writes the series of a step from `motion`; returns the length of the step and the states of the contacts.
 
-    If the smaller slip `creeps` and has the direction of its slow manifold, the series begins there.
+    With `creeps`, a small slip may creep. If its direction is that of the slow manifold, the series begins on the
+    manifold.
     """
     (by_nose, ex, ey, _), (by_cloth, fx, fy, _), (x, y, u, v, vx, work) = at_nose, at_cloth, motion
     both = by_nose == _SLIPS and by_cloth == _SLIPS
@@ -490,7 +492,7 @@ def _series(c, motion, at_nose, at_cloth, creeps, nose):  # out: c
 
 @kernel
 def _stop(c, row, t, end, event):  # out: c
-    """Returns as `_first` when the size `row` of a slip that creeps is zero: before it is least."""
+    """Returns as `_first` when the size `row` of a slip that creeps falls to zero, before its minimum."""
     for k in range(ORDER):
         c[18, k] = -(k + 1) * row[k + 1]
     c[18, ORDER] = 0.0
@@ -523,13 +525,13 @@ def _change(c, t, states, lifted, nose):  # out: c
 
 @kernel
 def _phase(c, t, end, compresses, whole, e):  # out: c
-    """Returns the end of a step by that of a phase.
+    """Returns the end of a step, which is earlier if a phase ends in the step.
 
     Args:
-        c: The series; the work of restitution is negative at first, and zero at its end.
+        c: The series. The work of restitution is negative at first, and zero at the end of restitution.
         t: The length of the step.
-        end: What ends it.
-        compresses: Whether it begins in compression.
+        end: What ends the step.
+        compresses: Whether the step begins in compression.
         whole: The work of compression.
         e: Restitution.
 
