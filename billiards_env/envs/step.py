@@ -233,10 +233,8 @@ def drive_frozen(state: State, begin: int, end: int, strokes: Floats) -> None:
 
 def engine_run(model: Model) -> Callable[..., None]:
     """Returns the part that runs the shots."""
-    run_shots, limit = (
-        typed_run(model.scene, model.engine, model.scatter is not None, model.measures),
-        time_limit(model),
-    )
+    run_shots = typed_run(model.scene, model.engine, model.scatter is not None, model.measures)
+    limit = time_limit(model)
 
     def run(state: State, begin: int, end: int, strokes: Floats) -> None:
         run_shots.call(begin, end, state.fields, limit, MAX_EVENTS, state.shots, NO_LOG)
