@@ -116,6 +116,18 @@ def test_the_observation_has_the_measure_of_the_last_shot_of_the_episode():
     assert env.reset()[0].tolist() == [0.0] * 8
 
 
+def test_a_step_of_some_environments_keeps_the_measures_of_the_others():
+    envs = make_vector_env(2, observe=[NAME], max_shots=3, max_speed=2.0)
+    envs.reset(seed=0, options={"positions": STARTS[:2]})
+    before, *_ = envs.step([[0.3, 0.0]] * 2)
+    measures = envs.get_state()["measures"]
+    after, *_ = envs.step_where(np.array([True, False]), [[-0.1, 0.0]] * 2)
+    assert before[1].any()
+    assert not after[0].any()
+    same(after[1], before[1])
+    same(envs.get_state()["measures"][1].tobytes(), measures[1].tobytes())
+
+
 @inlined
 def is_soft(shots, k, bits) -> bool:
     """Whether the cue ball was slower than SLOW along x at its first contact."""
