@@ -8,11 +8,11 @@ from billiards_env import Engine, Scene
 from billiards_env.engine.measures import MEASURES, record_nothing
 from billiards_env.engine.pic import ALL_PAIRS, PicKernels
 from billiards_env.envs import make_env, make_vector_env
-from billiards_env.envs.tasks import TASKS, Task
+from billiards_env.envs.tasks import TASKS, Task, register_task
 from billiards_env.games import Setup, custom_opening, play
 from billiards_env.games.facts import facts_of_shots, first
 from billiards_env.games.playing import Stroke
-from billiards_env.games.referee import GAMES
+from billiards_env.games.referee import GAMES, register_game
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import X
 from billiards_env.shots import simulation
@@ -71,6 +71,12 @@ def test_of_several_balls_that_are_hit_at_once_the_first_one_counts():
 def test_wrong_names_are_refused(names):
     with pytest.raises((TypeError, ValueError), match=r"measures = |name in measures = 'speed': expected one of"):
         simulate("pool", STARTS, AWAY, measures=names)
+
+
+@pytest.mark.parametrize(("add", "entry"), [(register_task, TASKS["pot"]), (register_game, GAMES["straight"])])
+def test_entries_with_unknown_measures_are_refused(add, entry):
+    with pytest.raises(ValueError, match="name in measures = 'speed': expected one of"):
+        add("mine", entry._replace(measures=("speed",)))
 
 
 SLOW = 1.0  # m/s
