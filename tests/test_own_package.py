@@ -260,6 +260,8 @@ def test_an_entry_has_its_type_and_a_name_of_its_own():
         register_task("pot", task._replace(max_shots=2))
     with pytest.raises(ValueError, match="name = 'clear': expected a name that no other task has"):
         register_task("clear", task)
+    with pytest.raises(ValueError, match="name = 'nine_ball': expected a name that no other game has"):
+        register_game("nine_ball", GAMES["ten_ball"])
     with pytest.raises(TypeError, match=r"game = Task.*: expected the type Game, not Task"):
         register_game("mine", task)  # pyright: ignore[reportArgumentType]
     with pytest.raises(TypeError, match="layout = 3: expected the type function, not int"):

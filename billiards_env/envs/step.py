@@ -98,7 +98,8 @@ def step_of(
         play.append(cue_stroke(model))
     if has_cue or game is not None:
         play.append(drive_frozen)
-    play.append(recording(engine_run(model), n_recorded) if n_recorded else engine_run(model))
+    run = recording(engine_run(model), n_recorded) if n_recorded else engine_run(model)
+    play.append(keeping_measures(run) if model.measures else run)
     if game is None:
         judge.append(score(model, numbers))
         if is_foreign(task_of(model.task).judge):
@@ -233,10 +234,8 @@ def drive_frozen(state: State, begin: int, end: int, strokes: Floats) -> None:
 
 def engine_run(model: Model) -> Callable[..., None]:
     """Returns the part that runs the shots."""
-    run_shots, limit = (
-        typed_run(model.scene, model.engine, model.scatter is not None, model.measures),
-        time_limit(model),
-    )
+    run_shots = typed_run(model.scene, model.engine, model.scatter is not None, model.measures)
+    limit = time_limit(model)
 
     def run(state: State, begin: int, end: int, strokes: Floats) -> None:
         run_shots.call(begin, end, state.fields, limit, MAX_EVENTS, state.shots, NO_LOG)
@@ -260,6 +259,18 @@ def recording(run: Callable[..., None], n_recorded: int) -> Callable[..., None]:
             run(state, first, end, strokes)
 
     return run_and_record
+
+
+def keeping_measures(run: Callable[..., None]) -> Callable[..., None]:
+    """Returns `run` so that it keeps the measures of the episodes that are over, which have no shot."""
+
+    def run_and_keep(state: State, begin: int, end: int, strokes: Floats) -> None:
+        over, measures = state.over[begin:end], state.measures[begin:end]
+        kept = measures[over]
+        run(state, begin, end, strokes)
+        measures[over] = kept
+
+    return run_and_keep
 
 
 def record(state: State, k: int) -> ShotResult:

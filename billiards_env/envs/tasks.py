@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.engine.measures import checked_measures
 from billiards_env.games.carom import CUSHIONS_TO_TOUCH, is_carom
 from billiards_env.games.entry import Game
 from billiards_env.games.facts import cushions_before_first, cushions_before_last, driven_off, first, scratch, touched
@@ -330,6 +331,7 @@ def register_task(name: str, task: Task) -> None:
     """
     if isinstance(task, Task):
         check_kernel(f"judge of task {name!r} = {short(task.judge)}", task.judge)
+        checked_measures(task.measures)
     add_entry("task", name, task, TASKS, Task, _RANGES, judge=3, condition=3)
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.engine.measures import checked_measures
 from billiards_env.games import bank_pool, blackball, carom, one_pocket, pool, snooker
 from billiards_env.games.entry import Game
 from billiards_env.games.facts import driven_off, name_of, potted, return_type
@@ -79,6 +80,7 @@ def register_game(name: str, game: Game) -> None:
         for attribute, names in (("choices", CALLS[PUSH_OUT:]), ("without_safety", game.editions)):
             for one in sequence(f"{attribute} of game {name!r}", getattr(game, attribute)):
                 one_of(f"{attribute} of game {name!r}", one, names)
+        checked_measures(game.measures)
     add_entry("game", name, game, dict(GAMES), Game, _RANGES, **ARGUMENTS)  # checks the types
     _check_state(f"state of game {name!r}", game)
     _check_facts(f"facts of game {name!r}", game)

@@ -196,7 +196,7 @@ def next_games(
         scene: The scene.
         positions: (m, n, 2) m, after the shots.
         states: (m,) `Game.state_type`, before the shots.
-        facts: (m,) `Game.facts_type`, of the shots.
+        facts: (m,) `Game.facts_type`, of the shots, to which `Game.see` adds those that need the positions.
         calls: (m,) `CALL`, of the shots, or calls without a shot.
         before: The positions and the states before the last shots, for the call "replace".
         rack: `Setup.rack`.
@@ -213,7 +213,7 @@ def next_games(
         raise ValueError(f"positions, states, facts and calls of lengths {lengths}: expected one length")
     check_indices(states, scene.n_balls)
     table, verdicts = table_of(rules, scene, states["target"].max(initial=0), rack), np.zeros(len(states), VERDICT)
-    games = Games(np.array(positions), states.copy(), facts.copy(), calls, *(before or (positions, states.copy())))
+    games = Games(np.array(positions), states.copy(), facts, calls, *(before or (positions, states.copy())))
     failed = take_turns(rules.kernels, table, tuple(games), verdicts)
     if failed >= 0:
         raise no_room(placement_area(scene, failed, False))

@@ -95,7 +95,7 @@ def simulate(
     positions = numbers("positions", positions)
     scene = _scene(scene, positions)
     check_engine(engine)
-    integer("max_events", max_events, "max_events")
+    max_events = integer("max_events", max_events, "max_events")
     flag("record", record)
     if positions.ndim != 2:
         raise ValueError(f"positions has shape {positions.shape}: expected ({scene.n_balls}, 2), one row per ball")
@@ -372,7 +372,7 @@ def simulate_batch(
     """
     positions = numbers("positions", positions)
     scene = _scene(scene, positions)
-    integer("max_events", max_events, "max_events")
+    max_events = integer("max_events", max_events, "max_events")
     check_engine(engine)
     flag("record", record)
     if positions.ndim != 3:

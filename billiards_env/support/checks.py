@@ -406,7 +406,7 @@ def _own_modules(entry: Any) -> set[str]:
     if isinstance(entry, tuple):
         return set[str]().union(*map(_own_modules, entry))
     module = entry.__module__ if hasattr(entry, "__qualname__") else "billiards_env"
-    return set() if module.partition(".")[0] == "billiards_env" else {module}
+    return set() if module.partition(".")[0] in ("billiards_env", "builtins") else {module}
 
 
 def suggestion(name: str, choices: Sequence[str]) -> str:

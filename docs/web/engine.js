@@ -87,7 +87,6 @@ const asArguments = value => Array.isArray(value) ? value.map(asArguments) : val
 
 /** Returns the first balls of an array of radii or of inverse masses. */
 function cut(value, count) {
-  if (value === null) return null;
   if (count > value.content.length) throw new RangeError(`positions has ${count} balls: expected at most ${value.content.length}`);
   return { ...value, shape: [count], content: value.content.slice(0, count) };
 }

@@ -8,11 +8,11 @@ from billiards_env import Engine, Scene
 from billiards_env.engine.measures import MEASURES, record_nothing
 from billiards_env.engine.pic import ALL_PAIRS, PicKernels
 from billiards_env.envs import make_env, make_vector_env
-from billiards_env.envs.tasks import TASKS, Task
+from billiards_env.envs.tasks import TASKS, Task, register_task
 from billiards_env.games import Setup, custom_opening, play
 from billiards_env.games.facts import facts_of_shots, first
 from billiards_env.games.playing import Stroke
-from billiards_env.games.referee import GAMES
+from billiards_env.games.referee import GAMES, register_game
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.state import X
 from billiards_env.shots import simulation
@@ -73,6 +73,12 @@ def test_wrong_names_are_refused(names):
         simulate("pool", STARTS, AWAY, measures=names)
 
 
+@pytest.mark.parametrize(("add", "entry"), [(register_task, TASKS["pot"]), (register_game, GAMES["straight"])])
+def test_entries_with_unknown_measures_are_refused(add, entry):
+    with pytest.raises(ValueError, match="name in measures = 'speed': expected one of"):
+        add("mine", entry._replace(measures=("speed",)))
+
+
 SLOW = 1.0  # m/s
 
 
@@ -114,6 +120,18 @@ def test_the_observation_has_the_measure_of_the_last_shot_of_the_episode():
     assert many[1].tolist() == [0.0] * 8
     assert env.get_state()["measures"][NAME].tolist() == info[NAME].tolist()
     assert env.reset()[0].tolist() == [0.0] * 8
+
+
+def test_a_step_of_some_environments_keeps_the_measures_of_the_others():
+    envs = make_vector_env(2, observe=[NAME], max_shots=3, max_speed=2.0)
+    envs.reset(seed=0, options={"positions": STARTS[:2]})
+    before, *_ = envs.step([[0.3, 0.0]] * 2)
+    measures = envs.get_state()["measures"]
+    after, *_ = envs.step_where(np.array([True, False]), [[-0.1, 0.0]] * 2)
+    assert before[1].any()
+    assert not after[0].any()
+    same(after[1], before[1])
+    same(envs.get_state()["measures"][1].tobytes(), measures[1].tobytes())
 
 
 @inlined

@@ -424,6 +424,7 @@ def test_a_snooker_behind_the_free_ball_is_a_foul(places, ball, foul):  # 3.12 b
     before = frame(free_ball=True, on_table=balls)
     arrays = one_shot("snooker", before, Call(ball), first=1 << ball, cushion_after=True)
     _, (state,), (verdict,) = next_games(SETUP.game_rules, SCENE, positions[None], *arrays)
+    assert arrays[1]["hidden"].tolist() == [foul]
     assert (words(verdict).foul, verdict.penalty) == (("free_ball", 4) if foul else ("", 0))
     assert (bool(state.free_ball), words(state).choices) == ((True, ("hand_back",)) if foul else (False, ()))
 

@@ -244,3 +244,11 @@ def test_a_batch_prints_a_summary():
         "  shots with a potted ball: cue ball 0, object balls 0",
     ]
     assert repr(simulate_batch(scene, np.zeros((0, 2, 2)), np.zeros((0, 2)))) == "BatchResult: 0 shots of 2 balls"
+
+
+def test_the_limit_of_events_has_any_type_of_whole_numbers():
+    scene = dataclasses.replace(Scene.named("pool", 1), physics=dataclasses.replace(ROLLING, e_ball=0.9))
+    shot = scene, [[-0.3, 0.0], [0.3, 0.0]], [1.0, 0.0]
+    few: Any = np.uint8(1)
+    assert simulate(*shot, max_events=few).n_events == 1
+    assert simulate(*shot, max_events=256).status == "rest"
