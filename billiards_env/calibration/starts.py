@@ -295,7 +295,10 @@ def _best(scene: Scene, starts: Floats, shot: PreparedTrack, halves: Sequence[tu
     tried = tried[valid]
     for keep, steps in halves:
         tried, current = settle(scene, tried, shot, (), steps)
-        tried = tried[np.argsort(current.loss, kind="stable")[:keep]]
+        mirrored = tried[:, SPIN][:, 2] * tried[:, VELOCITY].prod(
+            axis=1
+        )  # the same for mirrored starts of a mirrored track
+        tried = tried[np.lexsort((mirrored, current.loss))[:keep]]
     start, current = settle(scene, tried, shot)
     return start, float(current.loss[0])
 

@@ -107,17 +107,19 @@ def resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, shot
             work.record(BEFORE_IMPACT, *_pair(contacts, c), k, state, shots)
     if count > 0:
         scene.space.exchange(restitution_at(count, contacts, scene), count, contacts, state, scene, work.scratch)
+    for c in range(count):
+        if contacts.closing[c] > 0.0:  # otherwise they overlap without an impact
+            i, j = _pair(contacts, c)
+            work.record(AFTER_IMPACT, i, j, k, state, shots)
+            count_hit(k, i, j, now, shots)
     if fix_after(fix, count, scene, work):
         shots.time[k] = now.hi  # the balls may be at rest already
     for c in range(count):
         i, j = _pair(contacts, c)
         for b in (i, j):
             here[b, VX], here[b, VY] = state.rows[b, VX], state.rows[b, VY]
-        if contacts.closing[c] == 0.0:  # they overlap without an impact
-            continue
-        work.record(AFTER_IMPACT, i, j, k, state, shots)
-        count_hit(k, i, j, now, shots)
-        record_event((BALL_BALL, i, j, contacts.closing[c]), now, k, state, shots, log)
+        if contacts.closing[c] > 0.0:
+            record_event((BALL_BALL, i, j, contacts.closing[c]), now, k, state, shots, log)
     return count
 
 

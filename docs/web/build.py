@@ -53,7 +53,6 @@ from billiards_env.engine.shots import STATUS, empty_shots, start_fields
 from billiards_env.jit.code_hash import code_hash
 from billiards_env.jit.compiler import Kernel, _resolve_once
 from billiards_env.physics.strike import cue_numbers, many_strikes
-from billiards_env.sb3 import load_policy
 from billiards_env.scene import PARAMETERS, Scene, layouts
 from billiards_env.support.checks import RANGES, range_text
 from billiards_env.support.files import write_atomically
@@ -284,6 +283,8 @@ def module() -> str:
 
 def opponent() -> dict[str, Any]:
     """Returns the policy `OPPONENT` as JSON for `policy.js`: the shapes of its weights, and their numbers as base64."""
+    from billiards_env.sb3 import load_policy  # PyTorch
+
     arguments, policy = load_policy(ROOT / "studies" / "results" / "policies" / OPPONENT)
     network: Any = policy.net
     weights = {name: one for name, one in network.state_dict().items() if not name.startswith("critic")}

@@ -6,6 +6,7 @@ import pytest
 
 from billiards_env import Engine, Scene
 from billiards_env.engine.measures import MEASURES, record_nothing
+from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.pic import ALL_PAIRS, PicKernels
 from billiards_env.envs import make_env, make_vector_env
 from billiards_env.envs.tasks import TASKS, Task, register_task
@@ -36,6 +37,13 @@ def test_the_velocities_at_the_first_contact_are_those_of_the_trajectories(engin
     assert after.tolist() == shot.motion_at(shot.first_hit_time)[0][:2].tolist()
     assert before == pytest.approx(shot.motion_at(shot.first_hit_time - 1e-9)[0][:2], abs=1e-7)
     assert before[1].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("fix", FIXES)
+def test_the_velocities_of_an_impact_are_those_before_the_rest_of_the_timestep(fix):
+    shot = simulate("pool", STARTS, TOWARDS, engine=Engine("pit", 1 / 60, fix), measures=[NAME])
+    before, after = shot.measures[NAME]
+    assert after.sum(axis=0) == pytest.approx(before.sum(axis=0), abs=1e-12)  # friction of the cloth would change it
 
 
 @engines

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+from billiards_env.engine.measures import MEASURES
 from billiards_env.envs import STATUS, BilliardsEnv, make_env
 from billiards_env.envs.action_frames import FRAMES
 from billiards_env.envs.observations import FEATURES
@@ -30,6 +31,15 @@ def kinds_of(info, n):
         assert value.shape in {"(8,) ": [(8,)], "(k,) ": [(2,), (5,)]}.get(name, [(n,) * value.ndim]), key
         kinds[key] = name * value.ndim + value.dtype.name
     return kinds
+
+
+def take_measures(env, info):
+    """Removes the measures from an info, and returns them as one list of numbers."""
+    found = {name: info.pop(name) for name in env.model.measures}
+    assert {name: (value.shape, value.dtype) for name, value in found.items()} == {
+        name: (MEASURES[name].shape, np.float64) for name in found
+    }
+    return [number for value in found.values() for number in value.ravel()]
 
 
 SUM_TO_THREE = {"scene": "sum_to_three", "task": "sum_to_three", "layout": "line", "max_shots": 10, "max_speed": 4.2}
@@ -100,6 +110,7 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
     rng = np.random.default_rng(0)
     for episode in range(5):
         observation, info = env.reset(seed=episode)
+        assert all(map(np.isinf, take_measures(env, info)))
         assert kinds_of(info, n) == documented
         assert all(low <= info.pop(name) <= high for name, (low, high) in drawn.items())
         del info["episode_seed"]
@@ -116,6 +127,7 @@ def test_results_are_in_the_spaces_and_have_the_documented_types(kwargs):
             assert type(reward) is float
             assert type(terminated) is bool
             assert truncated is False
+            assert np.isinf(take_measures(env, info)).all() == (info["first_hit"] < 0 or not env.model.measures)
             assert kinds_of(info, n) == documented
             assert info["shots_left"] == env.model.max_shots - shots
             expected = {

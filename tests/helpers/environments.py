@@ -28,7 +28,7 @@ VARIANTS: list[dict[str, Any]] = [
     {"scene": "blocked_pool", "layout": "snookered", "max_shots": 2},
     {"scene": "snooker", "layout": "snooker", "max_shots": 2},
     {"scene": "ideal", "task": "carom", "n_object_balls": 5, "layout": "random", "max_shots": 2},
-    {"scene": "carom", "task": "carom", "scatter": {}, **LONG, "observe": ["first_hit_velocities", "shots_left"]},
+    {"scene": "carom", "task": "carom", "layout": "carom_opening", "scatter": {}, **LONG},
     {"scene": "real_carom", "task": "place"},  # the engine for two balls
     {"scene": "match_carom", "task": "three_cushion", "layout": "random", "max_shots": 2},
     {"scene": "benchmarks:match_carom_2", "task": "three_cushion"},
