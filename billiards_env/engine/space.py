@@ -18,9 +18,9 @@ from billiards_env.scene import Scene
 class Space(NamedTuple):
     """The kernels of the balls of a scene.
 
-    A normal is a unit vector from ball i to ball j, with as many components as there are axes. With three axes, the
-    impulses of `slip` and `push` are along the normal. With two axes, they are the horizontal parts of such impulses,
-    because the table takes up the vertical part. Names: `scene` is the `SceneArrays`, `state` the `State`, `row` a row
+    A normal is a unit vector from ball i to ball j, with as many components as there are axes. The argument p
+    of `slip` and `push` is an impulse along the normal. If there are two axes, p is its horizontal part, because
+    the table takes up the vertical part. Names: `scene` is the `SceneArrays`, `state` the `State`, `row` a row
     of it, `now` a `Time`, k a shot, c a contact of `contacts`, `work` the workspace of the engine.
 
     Attributes:
