@@ -125,7 +125,7 @@ def nothing(k, numbers, arrays):
 
 @kernel
 def unknown_field(k, numbers, arrays):
-    return arrays.nonsense[k], False, False
+    return arrays.score_[k], False, False
 
 
 @kernel
@@ -166,6 +166,16 @@ def right(state, facts, call):
 @inlined
 def no_verdict(state, facts, call):
     return 1
+
+
+@inlined
+def unknown_in_state(state, facts, call):
+    return verdict(state.score[0])
+
+
+@inlined
+def unknown_record(shots, k, bits) -> int:
+    return shots.pocket[k, 0]
 
 
 @inlined
@@ -253,6 +263,8 @@ def in_player(result: Any, *, game: bool = False) -> None:
 
 COMPILED: Any = text
 PLAIN = COMPILED.py_func
+SOURCELESS: Any = kernel(eval("lambda k, numbers, arrays: (arrays.nonsense[k], False, False)"))
+FIELD = "^attribute of '{}' in {} 'wrong_.*' = '{}': expected one of '.*' [(]did you mean '{}'"
 ARGUMENTS = "= <function .*>: expected a function with {} argument"
 KERNELS = "= .*wrong_.*: expected kernels with the arguments and results"
 NUMBERS, TYPE = "expected finite numbers", "expected the type {}, not {}"
@@ -339,9 +351,16 @@ WRONG: list[tuple[Any, Any, str]] = [
     (in_task, two_values, "^task " + KERNELS),
     (in_task, text, "^task " + KERNELS),
     (in_task, PLAIN, "^judge of task 'wrong_.*' = .*: expected a kernel"),
-    (in_task, unknown_field, "^task " + KERNELS + " of the documentation; EpisodeArrays has no field 'nonsense'$"),
+    (in_task, unknown_field, FIELD.format("arrays", "judge of task", "score_", "score")),
+    (in_task, SOURCELESS, "^task " + KERNELS + " of the documentation; EpisodeArrays has no field 'nonsense'$"),
     (lambda judge: in_game(judge=judge), PLAIN, "^judge of game 'wrong_.*' = .*: expected a kernel"),
     (lambda judge: in_game(judge=judge), half_a_ball, "^judge of game 'wrong_.*: expected a function with 3 arguments"),
+    (lambda judge: in_game(judge=judge), unknown_in_state, FIELD.format("state", "judge of game", "score", "scores")),
+    (
+        lambda fact: in_game(facts=(*USUAL, fact)),
+        unknown_record,
+        FIELD.format("shots", "fact 'unknown_record' of game", "pocket", "pockets"),
+    ),
     (lambda judge: in_game(judge=judge), no_verdict, "^task " + KERNELS),
     (lambda legal: in_game(legal=legal), half_a_ball, "^task " + KERNELS),
     (lambda judge: in_game(judge=judge), half_a_point, "^task " + KERNELS),

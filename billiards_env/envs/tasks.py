@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.engine.measures import checked_measures
+from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.games.carom import CUSHIONS_TO_TOUCH, is_carom
 from billiards_env.games.entry import Game
 from billiards_env.games.facts import cushions_before_first, cushions_before_last, driven_off, first, scratch, touched
@@ -30,7 +31,7 @@ from billiards_env.games.referee import GAMES, first_state, judged, legal_balls
 from billiards_env.jit import check_kernel, inlined, kernel
 from billiards_env.physics.state import CUE_BALL, X, Y
 from billiards_env.scene import Scene
-from billiards_env.support.checks import RANGES, Range, add_entry, entry_of, short, short_name
+from billiards_env.support.checks import RANGES, Range, add_entry, check_attributes, entry_of, short, short_name
 
 
 @kernel
@@ -328,11 +329,17 @@ def register_task(name: str, task: Task) -> None:
 
     Raises:
         TypeError: Also if the judge is not a kernel.
+        ValueError: Also if the judge or the condition uses a field that `TaskNumbers` or `EpisodeArrays` does not have.
     """
     if isinstance(task, Task):
         check_kernel(f"judge of task {name!r} = {short(task.judge)}", task.judge)
         checked_measures(task.measures)
-    add_entry("task", name, task, TASKS, Task, _RANGES, judge=3, condition=3)
+    add_entry("task", name, task, dict(TASKS), Task, _RANGES, judge=3, condition=3)  # checks the types
+    for attribute, function in (("judge", task.judge), ("condition", task.condition)):
+        if function is not None:
+            what = f"{attribute} of task {name!r}"
+            check_attributes(what, function, (), TaskNumbers._fields, EpisodeArrays._fields)
+    TASKS[name] = task
 
 
 def task_of(name: str, n_players: int = 1) -> Task:

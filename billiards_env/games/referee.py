@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from billiards_env.engine.measures import checked_measures
 from billiards_env.games import bank_pool, blackball, carom, one_pocket, pool, snooker
 from billiards_env.games.entry import Game
-from billiards_env.games.facts import driven_off, name_of, potted, return_type
+from billiards_env.games.facts import Records, driven_off, name_of, potted, return_type
 from billiards_env.games.game_state import (
     BEHIND,
     BREAKING_FOUL,
@@ -28,7 +28,9 @@ from billiards_env.games.game_state import (
     PUSH_OUT,
     RERACK_ALL,
     VERDICT,
+    Called,
     RulesState,
+    Verdict,
     check_indices,
     check_type,
     hints_of,
@@ -37,19 +39,36 @@ from billiards_env.games.game_state import (
     write_verdict,
 )
 from billiards_env.jit import check_kernel, entry_point, inlined, kernels_of
-from billiards_env.support.checks import Range, add_entry, check_call, entry_of, one_of, result_of, sequence, short
+from billiards_env.support.checks import (
+    Range,
+    add_entry,
+    check_attributes,
+    check_call,
+    entry_of,
+    one_of,
+    result_of,
+    sequence,
+    short,
+)
 
 FAMILIES = pool, one_pocket, bank_pool, blackball, snooker, carom
 """The modules with the rules of the games."""
 
 ARGUMENTS = {
-    **dict.fromkeys(("target", "most_points", "state", "check"), 1),
-    **dict.fromkeys(("legal", "callable", "replace"), 2),
-    **dict.fromkeys(("judge", "look", "scoring"), 3),
-    **dict.fromkeys(("rack", "settle", "without_shot"), 4),
-    **dict.fromkeys(("spot", "see"), 5),
+    **dict.fromkeys(("target", "most_points", "state"), ("balls",)),
+    **dict.fromkeys(("legal", "callable"), ("state", "player")),
+    "check": ("state",),
+    "judge": ("state", "facts", "call"),
+    "scoring": ("shots", "k", "bits"),
+    "see": ("table", "positions", "state", "facts", "call"),
+    "spot": ("table", "positions", "balls", "others", "cue"),
+    "rack": ("table", "positions", "others", "cue"),
+    "settle": ("table", "positions", "state", "verdict"),
+    "look": ("table", "positions", "state"),
+    "without_shot": ("table", "positions", "state", "kind"),
+    "replace": ("state", "before"),
 }
-"""The number of arguments of each function of a `Game`."""
+"""The arguments of each function of a `Game`."""
 
 _RANGES = {
     "n_object_balls": Range(1, MOST_BALLS - 1),
@@ -59,6 +78,8 @@ _RANGES = {
     "cushions": Range(0, None),
 }
 """The ranges of the numbers of a `Game`."""
+
+_COUNTS = {name: len(arguments) for name, arguments in ARGUMENTS.items()}
 
 GAMES: dict[str, Game] = {name: game for family in FAMILIES for name, game in family.GAMES.items()}
 """The games by name."""
@@ -70,7 +91,8 @@ def register_game(name: str, game: Game) -> None:
     Raises:
         TypeError: Also if the judge is not a kernel, or the own state or the facts have other types than those that
             `Game` describes.
-        ValueError: Also if the game lacks a fact that the referee uses.
+        ValueError: Also if the game lacks a fact that the referee uses, or a kernel uses a field that the state, the
+            facts, the call or the verdict does not have.
     """
     if isinstance(game, Game):
         check_kernel(f"judge of game {name!r} = {short(game.judge)}", game.judge)
@@ -81,9 +103,10 @@ def register_game(name: str, game: Game) -> None:
             for one in sequence(f"{attribute} of game {name!r}", getattr(game, attribute)):
                 one_of(f"{attribute} of game {name!r}", one, names)
         checked_measures(game.measures)
-    add_entry("game", name, game, dict(GAMES), Game, _RANGES, **ARGUMENTS)  # checks the types
+    add_entry("game", name, game, dict(GAMES), Game, _RANGES, **_COUNTS)  # checks the types
     _check_state(f"state of game {name!r}", game)
     _check_facts(f"facts of game {name!r}", game)
+    _check_kernels(name, game)
     GAMES[name] = game
 
 
@@ -102,6 +125,21 @@ def _check_facts(what: str, game: Game) -> None:
     for fact in (potted, driven_off, game.scoring):
         if fact not in game.facts:
             raise ValueError(f"{what} = {[*map(name_of, game.facts)]}: expected {name_of(fact)!r} among them")
+
+
+def _check_kernels(name: str, game: Game) -> None:
+    fields = {
+        **dict.fromkeys(("state", "before"), game.state_names),
+        "facts": tuple(map(name_of, game.facts)),
+        "call": Called._fields,
+        "verdict": Verdict._fields,
+        "shots": Records._fields,
+    }
+    kernels = [(f"{attribute} of game {name!r}", getattr(game, attribute), attribute) for attribute in ARGUMENTS]
+    kernels += [(f"fact {name_of(fact)!r} of game {name!r}", fact, "scoring") for fact in game.facts]
+    for what, function, kind in kernels:
+        if function is not None:
+            check_attributes(what, function, *(fields.get(argument, ()) for argument in ARGUMENTS[kind]))
 
 
 def judge_shots(

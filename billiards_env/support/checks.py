@@ -7,6 +7,7 @@ PIC shot after at most `max_events` events, a PIT shot also after at most `pit.M
 
 from __future__ import annotations
 
+import ast
 import dataclasses
 import difflib
 import importlib
@@ -14,6 +15,7 @@ import inspect
 import math
 import re
 import sys
+import textwrap
 from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from numbers import Real
 from types import MappingProxyType, UnionType
@@ -354,6 +356,28 @@ def check_call(what: str, function: Any, count: int, expected: str = "") -> None
     except (TypeError, ValueError):  # a ValueError for a built-in function without a signature
         usual = f"a function with {count} argument{'s' * (count != 1)}"
         raise TypeError(f"{what}: expected {expected or usual}") from None
+
+
+def check_attributes(what: str, function: Any, *names: tuple[str, ...]) -> None:
+    """Checks the attributes of its arguments that a function uses. Does nothing if its source code is not available.
+
+    Args:
+        what: The name of the function, used in error messages.
+        function: The function or kernel.
+        *names: For each argument the names of its attributes; () for an argument that is not checked.
+
+    Raises:
+        ValueError: If the function uses another attribute of an argument.
+    """
+    function = getattr(function, "py_func", function)
+    try:
+        known = dict(zip(inspect.signature(function).parameters, names, strict=False))
+        code = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    except (OSError, TypeError, ValueError, SyntaxError):  # ValueError and TypeError for built-in functions
+        return
+    for node in ast.walk(code):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and known.get(node.value.id):
+            one_of(f"attribute of {node.value.id!r} in {what}", node.attr, known[node.value.id])
 
 
 def result_of(name: str, kind: Any, function: Callable[..., Any], *arguments: Any) -> Any:
