@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from billiards_env.support.checks import missing
+from billiards_env.support.checks import missing, short
 
 try:
     from matplotlib.axes import Axes
@@ -74,7 +74,7 @@ def draw_shot(shot: ShotResult, ax: Axes | None, compare: ShotResult | None) -> 
     Another run of the shot, `compare`, is drawn with dashed paths and rings.
 
     Raises:
-        TypeError: If `compare` is no shot.
+        TypeError: If `ax` are no axes or `compare` is no shot.
         ValueError: If a shot was not recorded, or `compare` has other balls or another table.
     """
     recording, other = recordings_of(shot, compare, "plot")
@@ -86,6 +86,8 @@ def draw_shot(shot: ShotResult, ax: Axes | None, compare: ShotResult | None) -> 
 
         ratio = recording.scene.table.width / recording.scene.table.length
         figure, ax = pyplot.subplots(figsize=(9, 0.6 + 9 * min(max(ratio, 0.2), 2)), layout="constrained")
+    elif not isinstance(ax, Axes):
+        raise TypeError(f"ax = {short(ax)}: expected Axes; plot().figure.savefig(path) writes a file")
     scene, look = recording.scene, looks(recording.scene)
     _draw_table(ax, recording, look)
     if hops := [hop for hop in recording.hops() if hop[2] > LEAST_HOP]:

@@ -204,9 +204,10 @@ class ShotResult:
             compare: Another run of the shot, such as one by "pit". Its paths are dashed and its balls are rings.
 
         Returns:
-            The axes, in metres.
+            The axes, in metres. `shot.plot().figure.savefig(path)` writes a file.
 
         Raises:
+            TypeError: If `ax` are no axes or `compare` is no shot.
             ValueError: If a shot was not recorded, or `compare` has other balls or another table.
             ModuleNotFoundError: If matplotlib is not installed.
         """

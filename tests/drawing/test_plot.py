@@ -40,6 +40,8 @@ def test_a_plot_uses_a_new_figure_or_given_axes(shot):
     _, own = pyplot.subplots()
     assert shot.plot(own) is own
     assert shot.plot(ax=own).figure is own.figure
+    with pytest.raises(TypeError, match=r"^ax = 'shot[.]png': expected Axes; "):
+        shot.plot("shot.png")
 
 
 @pytest.mark.parametrize(("side", "entries"), [(0.0, []), (0.4, ["side spin"])])
