@@ -265,6 +265,22 @@ def test_a_wrong_player_is_an_error_before_the_first_one_plays(capsys):
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        "evaluate random --beside aim --task jump",
+        "match random aim --rules nine_ball --scene jump_pool",
+        "simulate --goal pot:1 --scene jump_pool",
+        "bench aim --tasks Jump-v0",
+    ],
+)
+def test_a_player_that_needs_derivatives_is_refused_before_a_shot_with_flights(command, capsys):
+    message = r"error: physics\.flight = True with .*aim'?: expected False or .*'search.*\(flights have no d"
+    with pytest.raises(SystemExit, match=message):
+        main(command.split())
+    assert capsys.readouterr().out == ""
+
+
 def test_ctrl_c_is_one_line(capsys, monkeypatch):
     def interrupt():
         raise KeyboardInterrupt

@@ -169,6 +169,7 @@ def test_second_derivatives_are_refused():
     [
         ({"of": "events"}, "of = 'events': expected one of"),
         ({"scene": "pool"}, "scene = 'pool': expected a Scene", TypeError),
+        ({"scene": Scene.named("jump_pool", 2)}, r"physics\.flight = True with .*: expected False or simulate_batch"),
         ({"velocities": [[1.0, 0.0]] * 2}, "velocities = .*: expected a tensor", TypeError),
         ({"velocities": torch.ones(2, 2) * 1j}, "velocities has type torch.complex64: expected real numbers"),
         ({"radius": torch.full((3,), 0.03 + 0j)}, "radius has type torch.complex64: expected real numbers"),

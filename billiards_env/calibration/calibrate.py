@@ -25,7 +25,7 @@ from billiards_env.calibration.report import Calibration
 from billiards_env.calibration.stages import ENOUGH, fit_stages, near_rows
 from billiards_env.calibration.starts import search
 from billiards_env.calibration.tracks import Floats, Track, check_tracks
-from billiards_env.derivatives.shot_derivatives import physics_inputs
+from billiards_env.derivatives.shot_derivatives import check_derivatives, physics_inputs
 from billiards_env.scene import PARAMETERS, Scene, check_scene
 from billiards_env.support.checks import Range, finite, flag, integer, one_of, real
 
@@ -75,9 +75,11 @@ def calibrate(
 
     Raises:
         ValueError: If a constant is unknown, a track is invalid or does not lie on the table, or the rows do not
-            determine any constant; if no ball of a track moves first, see `tracks.first_balls`.
+            determine any constant; if no ball of a track moves first, see `tracks.first_balls`; if the shots of the
+            scene have no derivatives.
     """
     check_scene(scene)
+    check_derivatives(scene, "calibrate")
     names = free_names(scene, free)
     contacts, hold_back = integer("contacts", contacts, _CONTACTS), flag("hold_back", hold_back)
     tracks, warnings = clean(check_tracks(scene, shots))

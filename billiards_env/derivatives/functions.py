@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.derivatives.shot_derivatives import MARGINS, jvp, margins, physics_inputs, vjp
+from billiards_env.derivatives.shot_derivatives import MARGINS, check_derivatives, jvp, margins, physics_inputs, vjp
 from billiards_env.scene import Scene, check_scene
 from billiards_env.shots.simulation import BatchResult, simulate_batch
 from billiards_env.support.checks import one_of, shaped, short
@@ -24,9 +24,10 @@ def checked_physics(scene: Scene, physics: Mapping[str, Any] | None) -> dict[str
 
     Raises:
         TypeError: If `physics` is not a mapping, or `scene` not a Scene.
-        ValueError: If a name is unknown.
+        ValueError: If a name is unknown, or the shots of the scene have no derivatives.
     """
     check_scene(scene)
+    check_derivatives(scene, "differentiable shots", "simulate_batch")
     if not isinstance(physics, Mapping | None):
         raise TypeError(f"physics = {short(physics)}: expected a mapping from names of numbers of Physics to arrays")
     for name in physics or {}:

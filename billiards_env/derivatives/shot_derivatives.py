@@ -69,6 +69,24 @@ class Record(NamedTuple):
     varied: Varied = MappingProxyType({})
 
 
+def has_derivatives(scene: Scene) -> bool:
+    """Returns whether the shots of a scene have derivatives. Flights have none, see `docs/derivatives.md`."""
+    return not scene.physics.flight
+
+
+def check_derivatives(scene: Scene, what: str, *instead: str) -> None:
+    """Raises a ValueError if the shots of a scene have no derivatives.
+
+    Args:
+        scene: The scene.
+        what: What needs the derivatives, for the message.
+        instead: What works in the scene instead.
+    """
+    if not has_derivatives(scene):
+        expected = " or ".join(("False", *instead))
+        raise ValueError(f"physics.flight = True with {what}: expected {expected} (flights have no derivatives)")
+
+
 def record_of(shots: ShotResult | BatchResult) -> Record:
     """Returns the record of recorded shots.
 
@@ -82,8 +100,7 @@ def record_of(shots: ShotResult | BatchResult) -> Record:
         raise ValueError("shots.log = None: expected recorded shots, from simulate or simulate_batch with record=True")
     if shots.engine != str(PIC):
         raise ValueError(f"shots.engine = {shots.engine!r}: expected 'PIC', shots by PIT have no derivatives")
-    if shots.scene.physics.flight:
-        raise ValueError("physics.flight = True with derivatives: expected False, flights have no derivatives")
+    check_derivatives(shots.scene, "derivatives", "differences of shots")
     check_no_scatter(shots.scatter, "derivatives")
     if isinstance(shots, ShotResult):
         return Record(shots.scene, np.array([shots.time]), shots.log)

@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from billiards_env.derivatives.shot_derivatives import has_derivatives
 from billiards_env.drawing.canvas import pygame  # raises with a hint if pygame is missing
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.drawing.text import write
@@ -331,7 +332,7 @@ class GameWindow:
     def find_pot(self) -> None:
         """Starts a thread that finds the aim for the ball and the pocket under the mouse."""
         model = self.model
-        if model.setup.scene.physics.flight:  # `aim` needs derivatives
+        if not has_derivatives(model.setup.scene):  # `aim` needs them
             self.message = "no aim help for flights"
             return
         pot = pot_at(model, self._view.point_of(self._mouse)) if model.phase == "aiming" else None

@@ -18,7 +18,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.derivatives.shot_derivatives import margin_columns, margins_by_cue_ball, rest_by_cue_ball
+from billiards_env.derivatives.shot_derivatives import (
+    check_derivatives,
+    margin_columns,
+    margins_by_cue_ball,
+    rest_by_cue_ball,
+)
 from billiards_env.engine.strikes import Strike, strike_with
 from billiards_env.physics.state import CUE_BALL
 from billiards_env.pots.finder import SPEED, TOLERANCE, find_pots
@@ -232,7 +237,7 @@ def aim(
 
     Raises:
         ValueError: If there is no goal, a ball of a goal is not in play, a pocket of a goal does not exist, or an
-            argument of `simulate` is invalid.
+            argument of `simulate` is invalid, or the shots of the scene have no derivatives.
 
     Example:
         >>> from billiards_env import Scene
@@ -267,6 +272,7 @@ def _checked(
     strike: bool,
 ) -> _Problem:
     check_scene(scene)
+    check_derivatives(scene, "aim", "the player 'search'")
     n, checked = scene.n_balls, tuple(goals) if isinstance(goals, Sequence) else (goals,)
     if not checked or not all(isinstance(goal, Goal) for goal in checked):
         raise ValueError(f"goals = {short(goals)}: expected goals such as Pot(1)")

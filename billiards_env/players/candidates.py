@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from billiards_env.derivatives.shot_derivatives import has_derivatives
 from billiards_env.engine import PIC
 from billiards_env.engine.strikes import strike
 from billiards_env.games import GameState, Setup
@@ -160,7 +161,8 @@ def _pots(
             shots = pots.shots[place, k]
             parts.append((piece.start + place, np.full(len(k), tip), target, shots, tolerance, share))
     easiest = max((part[-1].max(initial=0.0) for part in parts), default=0.0)
-    if not (state.in_hand or banked) and setup.engine == PIC and easiest < _SURE and most:
+    corrects = setup.engine == PIC and has_derivatives(setup.scene) and not (state.in_hand or banked)
+    if corrects and easiest < _SURE and most:
         potted = np.arange(n) if hints_of(setup).pots_any else np.flatnonzero(targets)
         ways = find_indirect(tables, potted, most, budget)
         pots = ways.target[:, 0] >= 0

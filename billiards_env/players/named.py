@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 
+from billiards_env.derivatives.shot_derivatives import check_derivatives
 from billiards_env.doors import Entries, offered
 from billiards_env.games import Setup, Stroke
 from billiards_env.players.levels import planning
@@ -42,11 +43,13 @@ class PlayerEntry(NamedTuple):
         make: Returns the player from its argument and `Where`.
         argument: The argument if the name has none; None for a player without an argument.
         needs_pockets: Whether it refuses a game without pockets.
+        needs_derivatives: Whether it refuses a scene whose shots have no derivatives.
     """
 
     make: Callable[[str, Where], Player]
     argument: str | None = None
     needs_pockets: bool = False
+    needs_derivatives: bool = False
 
 
 class NamedPlayer(NamedTuple):
@@ -73,7 +76,7 @@ PLAYERS: Entries[PlayerEntry] = {
     "random": PlayerEntry(lambda argument, where: random),
     "geometric": PlayerEntry(lambda argument, where: geometric, needs_pockets=True),
     "search": PlayerEntry(_searching, argument=str(SHOTS)),
-    "aim": PlayerEntry(lambda argument, where: reach_goals),
+    "aim": PlayerEntry(lambda argument, where: reach_goals, needs_derivatives=True),
     "planner": PlayerEntry(lambda argument, where: planning(argument), argument="100ms"),
 } | offered("player")
 """The players by name; "policy" needs the extra `train`."""
@@ -119,6 +122,9 @@ def _made(entry: PlayerEntry, text: str, argument: str | None, where: Where) -> 
         raise ValueError(f"player = {text!r}: expected {text.removesuffix(f':{argument}')!r}, a name without ':'")
     if entry.needs_pockets and isinstance(where, Setup) and not where.game_rules.pockets:
         raise ValueError(f"player = {text!r} with rules = {where.rules!r}: expected a game with pockets")
+    if entry.needs_derivatives:
+        world: Any = where if isinstance(where, Setup) else where.unwrapped
+        check_derivatives(world.scene, f"player = {text!r}", "another player, such as 'search:200'")
     return _checked(text, entry.make, entry.argument or "" if argument is None else argument, where)
 
 

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from billiards_env.derivatives.shot_derivatives import margin_columns, margins_by_cue_ball
+from billiards_env.derivatives.shot_derivatives import check_derivatives, margin_columns, margins_by_cue_ball
 from billiards_env.engine.strikes import strike_with
 from billiards_env.pots.budget import Budget
 from billiards_env.pots.finder import DX, DY, SHOT_WIDTH, SPEED, SPEEDS
@@ -85,7 +85,11 @@ def find_indirect(tables: Tables, targets: Ints, most: int = MOST, budget: Budge
         targets: The balls that may be potted.
         most: The largest number of ways, at most `MOST`.
         budget: Corrections end when a share `TIME` of its time is used.
+
+    Raises:
+        ValueError: If the shots of the scene have no derivatives.
     """
+    check_derivatives(tables.scene, "find_indirect", "find_pots")
     scene, (positions,) = tables.scene, tables.positions
     balls = np.flatnonzero(tables.in_play[0])
     balls, legal = balls[balls != tables.cue], np.flatnonzero(tables.targets[0])

@@ -191,6 +191,13 @@ def test_bad_arguments_are_refused_with_a_message(trained, option, value, messag
         main([str(trained), f"--{option}", value])
 
 
+def test_a_player_that_needs_derivatives_is_refused_before_a_shot_with_flights(trained, monkeypatch, capsys):
+    monkeypatch.setattr(evaluation, "make_env", lambda config: gym.make("billiards_env:Billiards-v0", task="jump"))
+    with pytest.raises(SystemExit, match=r"error: physics\.flight = True with player = 'aim': expected False or"):
+        main([str(trained), "--players", "aim"])
+    assert capsys.readouterr().out == ""
+
+
 def test_a_slim_copy_plays(trained, tmp_path, capsys):
     main([str(trained), "--slim", str(tmp_path / "copy")])
     assert capsys.readouterr().out == f"wrote {tmp_path / 'copy'}\n"

@@ -217,6 +217,11 @@ def test_bad_numbers_are_rejected(free, message):
         calibrate(SCENE, tracks(), free)
 
 
+def test_a_scene_with_flights_is_refused():
+    with pytest.raises(ValueError, match=r"physics\.flight = True with calibrate: expected False \(flights"):
+        calibrate(Scene.named("jump_pool", 2), tracks())
+
+
 def test_a_number_is_fitted_only_if_a_law_of_the_scene_reads_it():
     names: Any = import_module("billiards_env.calibration.calibrate").free_names
     frictional = with_physics(SCENE, ball_ball="frictional")

@@ -70,6 +70,26 @@ def test_the_derivatives_are_those_of_the_50_digit_simulator(name, seed):
             )
 
 
+@pytest.mark.parametrize("batch", [False, True])
+@pytest.mark.parametrize(
+    "derive",
+    [
+        derivatives.jacobian,
+        lambda shot: derivatives.jvp(shot, {"mu_roll": 1.0}),
+        lambda shot: derivatives.vjp(shot, {"positions": np.ones((2, 2))}),
+        derivatives.margins,
+        derivatives.nonsmooth,
+        derivatives.certainty,
+        derivatives.sensitivity,
+        lambda shot: derivatives.sensitivities(shot, [0.1]),
+    ],
+)
+def test_every_derivative_refuses_flights(derive, batch):
+    shots = simulate_batch(Scene.named("jump_pool"), [[[-0.6, 0.0], [0.6, 0.3]]], [[1.0, 0.0]], record=True)
+    with pytest.raises(ValueError, match=r"physics\.flight = True with derivatives: expected False or differ"):
+        derive(shots if batch else shots[0])
+
+
 def check_one_sided(name, changes, number, way):
     """Compares the derivative of a shot by a number with differences on one side: way is 1 above and -1 below it."""
     scene = dataclasses.replace(SCENES[name], physics=dataclasses.replace(SCENES[name].physics, **changes))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from billiards_env import Scene, derivatives, simulate, simulate_batch
+from billiards_env import Scene, simulate, simulate_batch
 from billiards_env.drawing.rendering import drawn_layout
 from billiards_env.engine import PIC, Engine, scene_fields
 from billiards_env.engine.overlaps import FIXES, TREATMENTS
@@ -344,8 +344,6 @@ def test_what_has_no_flight_is_refused():
         refused = pytest.raises(ValueError, match=rf"fix = '{fix}' with physics\.flight = True")
         with refused if TREATMENTS[fix].goes_back else nullcontext():
             scene_fields(s, Engine("pit", 1 / 60, fix))
-    with pytest.raises(ValueError, match="flights have no derivatives"):
-        derivatives.sensitivity(play([0, 0], [1.0, 0.0]))
     with pytest.raises(ValueError, match="expected equal balls"):
         dataclasses.replace(s, balls=Balls((R, R, 0.03), s.balls.mass))
     with pytest.raises(ValueError, match="motion 'sliding'"):

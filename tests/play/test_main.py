@@ -210,6 +210,10 @@ ERRORS = [
     (["--rules", "carom", "--dt", "0"], "^error: dt = 0.*: expected "),
     (["--rules", "carom", "--max-speed", "fast"], "^error: max_speed = 'fast': expected "),
     (["--rules", "carom", "--speed", "0"], "^error: speed = 0.*: expected "),
+    (
+        ["--scene", "jump_pool", "--players", "human,aim"],
+        r"^error: physics\.flight = True with player = 'aim': ",
+    ),
 ]
 
 

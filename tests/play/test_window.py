@@ -245,6 +245,9 @@ def test_the_key_has_no_aim_help_for_flights(make_model, window):
     shown = window(make_model(positions=BALLS, scene=Scene.named("jump_pool", 2)))
     assert hint(shown, BALLS[2]).phase == "aiming"
     assert shown.message == "no aim help for flights"
+    press(shown, pygame.K_a, mod=SHIFT)  # the planner needs no derivatives
+    assert think(shown).phase == "aiming"
+    assert shown.message != "thinking"
 
 
 def test_a_key_aims_at_the_ball_and_the_pocket_under_the_mouse(shown):

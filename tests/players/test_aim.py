@@ -108,6 +108,12 @@ def test_a_ball_of_a_goal_has_to_be_in_play(goal):
             aim(POOL, PLACES, goal, in_play=in_play)
 
 
+def test_a_scene_with_flights_is_refused(monkeypatch):
+    monkeypatch.delattr("billiards_env.players.aim.simulate_batch")  # no shot runs
+    with pytest.raises(ValueError, match=r"physics\.flight = True with aim: expected False or the player 'search' \("):
+        aim(Scene.named("jump_pool"), PLACES, Pot(1))
+
+
 def test_a_ball_of_a_rack_is_aimed_at():
     """The derivatives of some of these shots overflow."""
     game = setup("eight_ball")

@@ -8,8 +8,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from billiards_env import Scene
 from billiards_env.envs import make_env
-from billiards_env.games import GAMES, Call, Stroke, custom_opening, opening, play
+from billiards_env.games import GAMES, Call, Setup, Stroke, custom_opening, opening, play
 from billiards_env.players.env_player import env_situation, game_observation
 from billiards_env.players.named import GROUP, PLAYERS, find_player
 from billiards_env.players.situation import game_situation, stroke_of
@@ -182,3 +183,9 @@ def test_unknown_players_are_refused(text, world, message, kind, monkeypatch):
     monkeypatch.setattr(importlib.metadata, "entry_points", lambda group: importlib.metadata.EntryPoints([THEIRS]))
     with pytest.raises(kind, match=message):
         find_player(text, make_env() if world == "env" else setup(world), others=("human",))
+
+
+@pytest.mark.parametrize("where", [Setup("nine_ball", Scene.named("jump_pool", 9)), make_env(task="jump")])
+def test_a_player_that_needs_derivatives_is_refused_with_flights(where):
+    with pytest.raises(ValueError, match=r"physics\.flight = True with player = 'aim': expected .*'search:200'"):
+        find_player("aim", where)

@@ -10,7 +10,7 @@ import pytest
 from billiards_env import Engine, Scene, strike
 from billiards_env.bench.evaluation import measure
 from billiards_env.games import GameState, Setup, Stroke, choices, custom_opening, opening, play
-from billiards_env.games.game_state import BEHIND, changed
+from billiards_env.games.game_state import BEHIND, NOT_IN_HAND, changed
 from billiards_env.players import candidates, planner
 from billiards_env.players.batch import play_batch
 from billiards_env.players.candidates import TIPS, _with_spin
@@ -240,6 +240,15 @@ def test_a_game_and_an_environment_accept_a_level():
     env = gym.make("Billiards/Pot1-v0")
     observation, _ = env.reset(seed=0)
     assert acting(find_player("planner:pro", env), env, seed=0)(observation).shape == (2,)
+
+
+def test_a_planner_plays_without_derivatives_in_a_scene_with_flights():
+    """No pot is easy, so without flights the planner looks for indirect pots, which need derivatives."""
+    game = Setup("nine_ball", Scene.named("jump_pool", 9))
+    table = changed(opening(game, RNG(0), "random").state, in_hand=NOT_IN_HAND, break_shot=False)
+    places = [[0.0, 0.0], [0.9, 0.0], *([0.2 + 0.06 * k, 0.0] for k in range(8))]
+    stroke = find_player("planner:pro", game)(game_situation(game, GameState(np.array(places), table), 6.0), RNG(0))
+    assert np.hypot(*stroke.velocity) > 0.0
 
 
 def test_a_planner_expects_the_errors_of_its_level_and_of_the_game():

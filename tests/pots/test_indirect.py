@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from billiards_env import simulate
+from billiards_env import Scene, simulate
 from billiards_env.engine.strikes import strike_with
 from billiards_env.games import custom_opening
 from billiards_env.games.game_state import is_in, on_table
@@ -53,6 +53,12 @@ def test_a_cue_drives_a_ball_that_it_touches():
     ways = find_indirect(table, np.arange(1, 10))
     assert (1, 4) in [tuple(row) for row in ways.target.tolist()]
     _check_all(table, ways)
+
+
+def test_a_scene_with_flights_is_refused():
+    table = nine_ball(b0=(-0.7, 0.0), b1=(0.2, 0.0))._replace(scene=Scene.named("jump_pool", 9))
+    with pytest.raises(ValueError, match=r"physics\.flight = True with find_indirect: expected False or find_pots"):
+        find_indirect(table, np.arange(1, 10))
 
 
 def _check_all(table, ways):

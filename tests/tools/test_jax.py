@@ -72,6 +72,7 @@ def test_what_has_no_derivative_is_refused():
     "arguments",
     [
         ({"scene": "pool"}, "scene = 'pool': expected a Scene", TypeError),
+        ({"scene": Scene.named("jump_pool", 2)}, r"physics\.flight = True with .*: expected False or simulate_batch"),
         ({"of": "events"}, "of = 'events': expected one of"),
         ({"velocities": np.ones(2)}, r"velocities has shape \(2,\): expected \(\.\.\., 3, 2\)"),
         ({"velocities": np.ones((4, 1, 2))}, r"velocities has shape \(4, 1, 2\): expected \(\.\.\., 3, 2\)"),
