@@ -171,8 +171,8 @@ def _add_match(parser: argparse.ArgumentParser) -> None:
 def _add_bench(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Play 1,000 layouts of frozen tasks and write a file with all actions and outcomes, or check files: 'billiards "
-        "bench verify FILE' plays the actions again and fails if any bit differs. In tasks of one shot with noise it "
-        "also prints the scores of the actions with other noise. Players: as for evaluate."
+        "bench verify FILE' plays the actions again and fails if any bit differs. It also prints scores with new noise: "
+        "of the actions in tasks of one shot, and of the player --again in longer tasks. Players: as for evaluate."
     )
     add = parser.add_argument
     add("player", help="a player, such as search:200 or mine:player, or the word verify")
@@ -188,6 +188,7 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
     )
     text = "seed of the noise (default: the seed of the layouts; for verify a random one)"
     add("--noise-seed", type=int, metavar="N", help=text)
+    add("--again", metavar="PLAYER", help="with verify: the player, which plays longer tasks with noise again")
     add("--name", help="the name of the player in the file (default: the player)")
     text = "write the file, .json; FILE.part holds the finished tasks, and the same command resumes"
     add("--out", type=Path, metavar="FILE", help=text)
@@ -416,10 +417,12 @@ def bench(args: argparse.Namespace) -> None:
         with all_jobs() as job:
             for path in args.file:
                 with job(str(path)):
-                    _verify(path, noise_seed)
+                    _verify(path, noise_seed, args.again)
         return
     if args.file:
         raise ValueError(f"file = {str(args.file[0])!r} after a player: expected the word verify before files")
+    if args.again is not None:
+        raise ValueError(f"--again = {args.again!r} without verify: expected bench verify FILE --again PLAYER")
     part = None
     if args.out is not None:
         part = check_path(args.out, ".json").with_suffix(".json.part")
@@ -448,18 +451,23 @@ def bench(args: argparse.Namespace) -> None:
         print(f"wrote {args.out}")
 
 
-def _verify(path: Path, noise_seed: int) -> None:
-    """Verifies a file of results, and prints its scores, also with other noise."""
+def _verify(path: Path, noise_seed: int, player: str | None) -> None:
+    """Verifies a file of results, and prints its scores, also with new noise: of the actions, or of the player."""
     from billiards_env.bench import benchmark as bench
 
     verified = bench.verify(path)
     print(f"{path}: accepted, {verified.player}\n{bench.score_table(verified)}", flush=True)
     other = bench.fresh(verified, noise_seed)
     if other.results:
-        print(f"the same actions with the noise of seed {noise_seed}:\n{bench.score_table(other)}", flush=True)
-    noisy = {one.task for one in verified.results if FROZEN[one.task].noise}
-    for task in sorted(noisy - {one.task for one in other.results}):
-        print(f"{task}: replayed only, the player may have computed the noise beforehand", flush=True)
+        print(f"the same actions, {bench.DRAWS} draws of the noise from seed {noise_seed}:", flush=True)
+        print(bench.score_table(other), flush=True)
+    longer = [one for one in verified.results if FROZEN[one.task].noise and not bench.is_one_noisy_shot(one.task)]
+    tasks, seeds = (tuple(dict.fromkeys(getattr(one, name) for one in longer)) for name in ("task", "seed"))
+    if longer and player is not None:
+        print(f"{player} plays again with the noise of seed {noise_seed}:", flush=True)
+        print(bench.score_table(bench.play_tasks(player, tasks, seeds, noise_seed=noise_seed)), flush=True)
+    for task in tasks if player is None else ():
+        print(f"{task}: replayed only, the player may have computed the noise beforehand (--again plays it)", flush=True)
 
 
 def calibrate(args: argparse.Namespace) -> None:

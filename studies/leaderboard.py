@@ -1,7 +1,9 @@
 """Verifies the files in `docs/leaderboard` and makes the page from them: `python -m studies.leaderboard`.
 
-An entry is a file of `billiards bench` with the public layouts and the layouts of a second seed, `SEEDS`. The results
-are in `studies/results/leaderboard.json`.
+An entry is a file of `billiards bench` with the public layouts and the layouts of a second seed, `SEEDS`. All tasks have
+noise. The score in a task of one shot is that of the actions with new noise, see `benchmark.fresh`. Its seed is drawn
+when the file is new or has changed. The score in a longer task is that of the file. The results and the seeds are in
+`studies/results/leaderboard.json`.
 
 The player `studies.leaderboard:trained` is the best row of `configs/learning.yaml` in each task, the policy of the
 first seed; `studies.leaderboard:trained:64` is the best of 64 actions that it proposes. `make results` writes their
@@ -10,6 +12,8 @@ entries.
 
 from __future__ import annotations
 
+import hashlib
+import secrets
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,7 +27,9 @@ from billiards_env.games import Setup
 from billiards_env.intervals import interquartile_mean
 from billiards_env.players.named import PlayerEntry, Where, find_player
 from billiards_env.players.situation import Player
-from studies import learning, read_results
+from studies import RESULTS, learning, read_results
+
+OUTPUT = RESULTS / "leaderboard.json"
 
 FOLDER = ROOT / "docs" / "leaderboard"
 
@@ -46,11 +52,16 @@ trained = PlayerEntry(_trained, argument="1")
 """The player `studies.leaderboard:trained`."""
 
 
-def entries(folder: Path, read: Callable[[Path], bench.Bench] = bench.verify) -> dict[str, Any]:
-    """Returns the scores of the files of a folder: by name of the file, `player`, `run` (see `RUN`), `scores` by task.
+def entries(
+    folder: Path, known: Mapping[str, Any], read: Callable[[Path], bench.Bench] = bench.verify
+) -> dict[str, Any]:
+    """Returns the scores of the files of a folder: by name of the file, a dict.
+
+    Its keys are `player`, `run` (see `RUN`), `file` (a hash), `noise_seed` (of `benchmark.fresh`) and `scores` by task.
 
     Args:
         folder: The folder.
+        known: The former result. A file that has not changed keeps its seed of the noise.
         read: `bench.verify`, or `bench.load` for files that are already verified.
 
     Raises:
@@ -58,17 +69,22 @@ def entries(folder: Path, read: Callable[[Path], bench.Bench] = bench.verify) ->
     """
     checked_entries = {}
     for path in sorted(folder.glob("*.json")):
-        one = read(path)
-        scores = {}
+        one, digest, scores = read(path), hashlib.sha256(path.read_bytes()).hexdigest(), {}
+        old = known.get(path.stem, {})
+        noise_seed = old["noise_seed"] if old.get("file") == digest else secrets.randbits(32)
+        drawn = bench.fresh(one, noise_seed).results
         for task in dict.fromkeys(result.task for result in one.results):
-            results = [result for result in one.results if result.task == task]
-            if task not in BENCH_TASKS or sorted(result.seed for result in results) != list(SEEDS):
+            seeds = [result.seed for result in one.results if result.task == task]
+            if task not in BENCH_TASKS or sorted(seeds) != list(SEEDS):
                 raise ValueError(
-                    f"{path}: {task} with seeds {[result.seed for result in results]}: expected some of "
-                    f"{', '.join(BENCH_TASKS)}, each with the seeds {' and '.join(map(str, SEEDS))}"
+                    f"{path}: {task} with seeds {seeds}: expected some of {', '.join(BENCH_TASKS)}, each with the seeds "
+                    f"{' and '.join(map(str, SEEDS))}"
                 )
-            scores[task] = bench.score(results)
-        checked_entries[path.stem] = {"player": one.player, "run": path.stem in RUN, "scores": scores}
+            played = drawn if bench.is_one_noisy_shot(task) else one.results
+            scores[task] = bench.score([result for result in played if result.task == task])
+        run = path.stem in RUN
+        checked_entries[path.stem] = {"player": one.player, "run": run, "file": digest, "noise_seed": noise_seed}
+        checked_entries[path.stem]["scores"] = scores
     return checked_entries
 
 
@@ -95,7 +111,7 @@ def blocks(entries: Mapping[str, Any]) -> dict[str, str]:
         name = f"`{entry['player']}`" + ("" if entry["run"] else " (replayed only)")
         cells = (f"{scores[task]['success']:.1%}" if task in scores else "-" for task in BENCH_TASKS)
         rows.append((name, "-" if total is None else f"{total:.3f}", *cells))
-    heads = (task.removesuffix("-v0") for task in BENCH_TASKS)
+    heads = (task.removesuffix("Noise-v0") for task in BENCH_TASKS)
     return {"table": table(("player", "aggregate", *heads), rows)}
 
 
@@ -113,7 +129,7 @@ def draw(entries: Mapping[str, Any], folder: Path) -> None:
         ax.errorbar(
             x, rates, np.abs(ends.T - rates), fmt="o", ms=5, capsize=2, color=f"C{k % 10}", label=entry["player"]
         )
-    ax.set_xticks(range(len(BENCH_TASKS)), BENCH_TASKS)
+    ax.set_xticks(range(len(BENCH_TASKS)), [task.removesuffix("-v0") for task in BENCH_TASKS])
     ax.set_ylim(-0.03, 1.03)
     ax.set_ylabel("success")
     ax.grid(axis="y", alpha=0.3)
@@ -121,10 +137,16 @@ def draw(entries: Mapping[str, Any], folder: Path) -> None:
     save(figure, folder / "leaderboard.png")
 
 
+def measure(folder: Path, output: Path) -> dict[str, Any]:
+    """Returns the `entries` of a folder. Files that have not changed keep the seeds of the noise in the JSON file."""
+    return entries(folder, read_results(output))
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; see `python -m studies.leaderboard --help`."""
-    about, folder = "Verify the files of the leaderboard and make its page.", (FOLDER, "the files")
-    run_command("studies.leaderboard", about, arguments, entries, blocks, {"folder": folder}, draw)
+    about = "Verify the files of the leaderboard and make its page."
+    options = {"folder": (FOLDER, "the files"), "output": (OUTPUT, "JSON file")}
+    run_command("studies.leaderboard", about, arguments, measure, blocks, options, draw)
 
 
 if __name__ == "__main__":

@@ -358,6 +358,7 @@ ERRORS = [
     ("bench random --out x.txt", "path = 'x.txt': expected a name that ends in '.json'"),
     ("bench random --out no/x.json", "path = 'no/x.json': expected an existing folder"),
     ("bench random x.json", "file = 'x.json' after a player: expected the word verify"),
+    ("bench random --again random", "--again = 'random' without verify: expected bench verify FILE --again PLAYER"),
     ("bench verify", "bench verify without a file"),
     ("bench verify no.json", "path = 'no.json': expected a file of a benchmark, but it does not exist"),
     ("bench nobody --tasks Pot1-v0", "player = 'nobody': expected one of"),

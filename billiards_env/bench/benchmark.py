@@ -5,7 +5,7 @@ also the execution noise if there is no separate seed for it. A file holds all a
 plays the actions again and accepts the file only if all outcomes have the same bits. The file holds data and no code.
 
 This proves that the actions have these outcomes. It does not prove who chose them: anyone who has the seeds can compute
-the noise and choose actions that profit from it. `fresh` plays the actions with noise of another seed.
+the noise and choose actions that profit from it. `fresh` plays the actions with new noise.
 
 Actions are stored and played as float32, the type of the action space.
 """
@@ -40,6 +40,9 @@ EPISODES = 1000
 
 SEED = 0
 """The seed of the public layouts. The hash of the layouts of each task is in `results/frozen_tasks.json`."""
+
+DRAWS = 10
+"""The number of draws of the noise with which `fresh` plays each action."""
 
 BENCH = "billiards_env/bench"
 
@@ -219,23 +222,31 @@ def play_actions(
     return Result(task, seed, layouts, shots, actions, success, returns, digest.hexdigest(), noise_seed)
 
 
+def is_one_noisy_shot(task: str) -> bool:
+    """Returns whether a task has noise and one shot, so that `fresh` can judge its actions."""
+    return FROZEN[task].noise and FROZEN[task].arguments["max_shots"] == 1
+
+
 def fresh(bench: Bench, noise_seed: int) -> Bench:
-    """Plays the actions in the tasks of one shot with noise again, with other noise.
+    """Plays the actions in the tasks of one shot with noise again, each with `DRAWS` new draws of the noise.
 
     If the seed is drawn after the actions were chosen, for example by `secrets.randbits(63)`, the actions cannot profit
     from the noise. Later shots of an episode depend on the noise before them, so longer tasks need the player itself:
-    see the `noise_seed` of `play`.
+    see the `noise_seed` of `play_tasks`.
 
     Args:
         bench: The content of a file.
-        noise_seed: The seed of the noise.
+        noise_seed: The seed of the seeds of the draws.
 
     Returns:
-        The results of these tasks; none if the file has no such task.
+        The results of these tasks, one for each draw; none if the file has no such task.
     """
-    rows = [one for one in bench.results if FROZEN[one.task].noise and FROZEN[one.task].arguments["max_shots"] == 1]
+    seeds = (np.random.SeedSequence(noise_seed).generate_state(DRAWS, np.uint64) >> np.uint64(1)).tolist()
+    rows = [one for one in bench.results if is_one_noisy_shot(one.task)]
     return bench._replace(
-        results=tuple(play_actions(one.task, one.seed, one.shots, one.actions, noise_seed) for one in rows)
+        results=tuple(
+            play_actions(one.task, one.seed, one.shots, one.actions, seed) for one in rows for seed in seeds
+        )
     )
 
 
@@ -397,19 +408,27 @@ def reference() -> dict[str, dict[str, Any]]:
 def score(results: Sequence[Result]) -> dict[str, Any]:
     """Returns the scores of results of one task: their episodes count together.
 
+    Several results with one seed are draws of the noise. The value of a layout is then the mean over its draws, and the
+    intervals are over the layouts.
+
     Returns:
         `success` and its `success_interval`, `mean_return` and its `return_interval` (95%), and `normalised`: the mean
         return on a scale on which the player "random" has 0 and the best player of `reference` has 1. It is None for a
         task without a reference.
     """
-    success = np.concatenate([result.success for result in results])
-    returns = np.concatenate([result.returns for result in results])
+    seeds = dict.fromkeys(result.seed for result in results)
+    draws = [[result for result in results if result.seed == seed] for seed in seeds]
+    success = np.concatenate([np.mean([one.success for one in each], axis=0) for each in draws])
+    returns = np.concatenate([np.mean([one.returns for one in each], axis=0) for each in draws])
+    has_draws = len(draws) < len(results)
     known = {name: one["return"] for name, one in reference().get(results[0].task, {}).get("players", {}).items()}
     mean, best = float(returns.mean()), max(known.values(), default=0.0)
     low = known.get("random", best)
     return {
         "success": float(success.mean()),
-        "success_interval": wilson_interval(int(success.sum()), len(success)),
+        "success_interval": mean_interval(success.tolist())
+        if has_draws
+        else wilson_interval(int(success.sum()), len(success)),
         "mean_return": mean,
         "return_interval": mean_interval(returns.tolist()),
         "normalised": (mean - low) / (best - low) if best > low else None,
@@ -421,20 +440,23 @@ def score_table(bench: Bench) -> str:
 
     As on the leaderboard, the episodes of all seeds of a task count together.
     """
-    width = max(len(result.task) for result in bench.results)
-    lines = [f"{'task':{width}}  seed  success  95% interval  return  95% interval    normalised"]
+    by_task: dict[str, dict[int, list[Result]]] = {}
     for result in bench.results:
-        scores = score((result,))
-        low, high = scores["success_interval"]
-        least, most = scores["return_interval"]
-        scaled = scores["normalised"]
-        lines.append(
-            f"{result.task:{width}}  {result.seed:4}  {scores['success']:7.1%}  "
-            f"{f'{100 * low:.1f} to {100 * high:.1f}':>12}  {scores['mean_return']:6.3f}  "
-            f"{f'{least:.3f} to {most:.3f}':>14}  {'-' if scaled is None else f'{scaled:.3f}':>10}"
-        )
-    tasks = dict.fromkeys(result.task for result in bench.results)
-    pooled = [score([result for result in bench.results if result.task == task])["normalised"] for task in tasks]
+        by_task.setdefault(result.task, {}).setdefault(result.seed, []).append(result)
+    width = max(map(len, by_task))
+    lines = [f"{'task':{width}}  seed  success  95% interval  return  95% interval    normalised"]
+    for task, of_seed in by_task.items():
+        for seed, results in of_seed.items():
+            scores = score(results)
+            low, high = scores["success_interval"]
+            least, most = scores["return_interval"]
+            scaled = scores["normalised"]
+            lines.append(
+                f"{task:{width}}  {seed:4}  {scores['success']:7.1%}  "
+                f"{f'{100 * low:.1f} to {100 * high:.1f}':>12}  {scores['mean_return']:6.3f}  "
+                f"{f'{least:.3f} to {most:.3f}':>14}  {'-' if scaled is None else f'{scaled:.3f}':>10}"
+            )
+    pooled = [score([one for each in of_seed.values() for one in each])["normalised"] for of_seed in by_task.values()]
     if known := [one for one in pooled if one is not None]:
         lines.append(f"interquartile mean of the normalised scores: {interquartile_mean(known):.3f}")
     return "\n".join(lines)

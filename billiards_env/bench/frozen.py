@@ -212,7 +212,7 @@ FROZEN_GAMES = {
 }
 """The arguments of the frozen games of two players, by their id without `NAMESPACE`."""
 
-BENCH_TASKS = ("Pot1-v0", "Clear5-v0", "ThreeCushion-v0", "Position-v0", "NineBall-v0")
+BENCH_TASKS = ("Pot1Noise-v0", "Clear5Noise-v0", "ThreeCushionNoise-v0", "PositionNoise-v0", "NineBallNoise-v0")
 """The tasks of the leaderboard, and the default of `billiards bench`."""
 
 

@@ -18,6 +18,7 @@ from billiards_env.bench import benchmark as bench
 from billiards_env.bench.evaluation import evaluation_seeds
 from billiards_env.bench.frozen import BENCH_TASKS, FROZEN, NAMESPACE
 from billiards_env.envs.actions import perturb
+from billiards_env.intervals import mean_interval
 from billiards_env.players.env_player import acting
 from billiards_env.players.named import find_player
 from billiards_env.shots import records
@@ -71,12 +72,16 @@ def test_who_knows_the_noise_can_subtract_it_but_not_that_of_another_seed():
         noise = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,))).standard_normal(2) * scales
         actions.append(perturb(act(env.reset(seed=seed)[0]), -noise))
     chosen = bench.play_actions(task, 0, np.ones(12, np.uint8), np.array(actions, np.float32))
-    others = [bench.fresh(bench.Bench("foresight", (chosen,)), k).results[0] for k in range(10)]
+    others = bench.fresh(bench.Bench("foresight", (chosen,)), 1).results
     plain = bench.play_tasks("geometric", ["Pot1-v0"]).results[0]
     assert np.array_equal(chosen.success, plain.success)
     assert np.mean([other.success.mean() for other in others]) < plain.success.mean() - 0.1
     assert {other.layouts for other in others} == {chosen.layouts}
-    assert len({other.digest for other in others}) == 10
+    assert len({other.digest for other in others}) == bench.DRAWS == 10
+    scores = bench.score(others)
+    shares = np.mean([other.success for other in others], axis=0)
+    assert scores["success"] == pytest.approx(shares.mean())
+    assert scores["success_interval"] == pytest.approx(mean_interval(shares.tolist()))  # over the layouts
 
 
 def test_a_seed_of_the_noise_is_recorded_and_changes_only_the_noise(tmp_path, capsys):
@@ -93,8 +98,13 @@ def test_a_seed_of_the_noise_is_recorded_and_changes_only_the_noise(tmp_path, ca
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].endswith("a.json: accepted, geometric")
     assert lines[2].split()[:2] == ["Pot1Noise-v0", "0"]
-    assert lines[lines.index("the same actions with the noise of seed 3:") + 2].split()[:2] == ["Pot1Noise-v0", "0"]
-    assert lines[-1] == "Pot3Noise-v0: replayed only, the player may have computed the noise beforehand"
+    drawn = lines.index("the same actions, 10 draws of the noise from seed 3:")
+    assert lines[drawn + 2].split()[:2] == ["Pot1Noise-v0", "0"]
+    assert lines[-1].startswith("Pot3Noise-v0: replayed only, the player may have computed the noise beforehand")
+    main(["bench", "verify", str(tmp_path / "a.json"), "--noise-seed", "3", "--again", "geometric"])
+    lines = capsys.readouterr().out.splitlines()
+    other = bench.play_tasks("geometric", ["Pot3Noise-v0"], noise_seed=3)
+    assert "\n".join(lines).endswith(f"geometric plays again with the noise of seed 3:\n{bench.score_table(other)}")
     assert bench.fresh(entry, 3).results[0].digest != noisy.digest
     assert longer.shots.max() > 1
 

@@ -70,10 +70,10 @@ def test_the_text_about_a_task_fits_it():
 
 
 LEARNED = [
-    ("Pot3Noise-v0", "three_balls"),  # trained without noise
+    ("Pot3Noise-v0", "three_balls:64"),  # trained without noise
     ("EightBall-v0", None),
-    ("Carom-v0", "carom"),
-    ("ThreeCushion-v0", "AimPolicy:64"),  # of the leaderboard
+    ("SumToThree-v0", "sum_to_three"),
+    ("ThreeCushion-v0", "three_cushion:64"),
 ]
 
 
@@ -81,4 +81,4 @@ LEARNED = [
 def test_a_learned_policy_is_one_of_the_same_task(name, policy):
     learned = frozen_tasks.learned(name)
     assert (learned and learned.policy) == policy
-    assert learned is None or 0.1 < learned.success < 1
+    assert learned is None or 0.1 < learned.success <= 1

@@ -12,7 +12,7 @@ from billiards_env.bench import benchmark as bench
 from billiards_env.bench.frozen import BENCH_TASKS
 from billiards_env.players.env_player import acting
 from billiards_env.players.named import find_player
-from studies import RESULTS, leaderboard, learning, read_results
+from studies import leaderboard, learning, read_results
 from studies.leaderboard import blocks, entries, main
 
 FILES = sorted(leaderboard.FOLDER.glob("*.json"))
@@ -20,8 +20,9 @@ FILES = sorted(leaderboard.FOLDER.glob("*.json"))
 
 def test_the_page_is_that_of_the_files():
     """The scores are computed from the outcomes in the files. Another test proves a sample of the outcomes."""
-    data = json.loads(json.dumps(entries(leaderboard.FOLDER, bench.load)))
-    assert data == json.loads((RESULTS / "leaderboard.json").read_text(encoding="utf-8"))
+    known = read_results(leaderboard.OUTPUT)
+    data = json.loads(json.dumps(entries(leaderboard.FOLDER, known, bench.load)))
+    assert data == known
     assert {"random", "geometric", "search_200"} <= set(data)
     assert {name for name in data if data[name]["run"]} == set(leaderboard.RUN)
     assert all(set(data[name]["scores"]) == set(BENCH_TASKS) for name in ("aim_policy", "aim_policy_64"))
@@ -31,14 +32,15 @@ def test_the_page_is_that_of_the_files():
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_a_sample_of_each_file_replays(path):
     one = bench.load(path).results[0]
-    again = bench.play_actions(one.task, one.seed, one.shots, one.actions)
+    again = bench.play_actions(one.task, one.seed, one.shots, one.actions, one.noise_seed)
     assert (again.success == one.success).all()
     assert (again.layouts, again.digest) == (one.layouts, one.digest)
 
 
 @pytest.mark.slow
 def test_all_files_are_accepted():
-    assert entries(leaderboard.FOLDER) == entries(leaderboard.FOLDER, bench.load)
+    known = read_results(leaderboard.OUTPUT)
+    assert entries(leaderboard.FOLDER, known) == entries(leaderboard.FOLDER, known, bench.load)
 
 
 def test_players_of_some_tasks_are_ordered_by_these():
@@ -87,9 +89,18 @@ def test_the_command_verifies_and_writes(tmp_path, monkeypatch, capsys):
     names = {row.split(" | ")[0].strip("| ") for row in rows}
     assert names == {"`geometric`", "`search:20` (replayed only)", "`random`"}
     assert blocks(content)["table"] in capsys.readouterr().out
+    main(arguments)
+    assert json.loads(output.read_text()) == content  # the seeds of the noise stay
+    path = folder / "geometric.json"
+    bench.save(path, bench.load(path)._replace(player="another"))
+    main(arguments)
+    changed = json.loads(output.read_text())
+    seeds = {name: (content[name]["noise_seed"], changed[name]["noise_seed"]) for name in content}
+    assert {name for name, (old, new) in seeds.items() if old != new} == {"geometric"}
+    content = changed
 
     bench.save(folder / "other.json", bench.play_tasks("random", BENCH_TASKS[:1], (0,)))
-    with pytest.raises(SystemExit, match=r"other\.json: Pot1-v0 with seeds \[0\]: expected some of"):
+    with pytest.raises(SystemExit, match=r"other\.json: Pot1Noise-v0 with seeds \[0\]: expected some of"):
         main(arguments)
     text = (folder / "random.json").read_text()
     (folder / "other.json").write_text(text.replace('"success": "', '"success": "1', 1))
