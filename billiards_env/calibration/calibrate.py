@@ -79,7 +79,6 @@ def calibrate(
             scene have no derivatives.
     """
     check_scene(scene)
-    check_derivatives(scene, "calibrate")
     names = free_names(scene, free)
     contacts, hold_back = integer("contacts", contacts, _CONTACTS), flag("hold_back", hold_back)
     tracks, warnings = clean(check_tracks(scene, shots))
@@ -128,7 +127,8 @@ def calibrate(
 
 
 def free_names(scene: Scene, free: Sequence[str] | None) -> tuple[str, ...]:
-    """Returns the names of the constants to fit."""
+    """Returns the names of the constants to fit, after a check that the shots of the scene have derivatives."""
+    check_derivatives(scene, "calibrate")
     physics = scene.physics
     if free is None:
         used = (name for name in FREE if PARAMETERS[name].has_effect(physics) and getattr(physics, name))

@@ -25,7 +25,7 @@ def write_example(path: str | os.PathLike[str], scene: Scene) -> str:
 
     Raises:
         FileExistsError: If the file exists.
-        ValueError: If the scene has no object ball.
+        ValueError: If the scene has no object ball, or its shots have no derivatives.
     """
     if Path(path).exists():
         raise FileExistsError(f"tracks = {str(path)!r}: expected a new file for the example")

@@ -217,7 +217,10 @@ def test_bad_numbers_are_rejected(free, message):
         calibrate(SCENE, tracks(), free)
 
 
-def test_a_scene_with_flights_is_refused():
+def test_a_scene_with_flights_is_refused(tmp_path):
+    with pytest.raises(SystemExit, match=r"^error: physics\.flight = True with calibrate"):
+        main(["calibrate", str(tmp_path / "tracks.csv"), "--example", "--scene", "jump_pool"])
+    assert not any(tmp_path.iterdir())
     with pytest.raises(ValueError, match=r"physics\.flight = True with calibrate: expected False \(flights"):
         calibrate(Scene.named("jump_pool", 2), tracks())
 
