@@ -36,6 +36,7 @@ SOURCES = {
         "benchmarks.gradients",
         "benchmarks.machines",
         "benchmarks.real_tracks",
+        "benchmarks.referees",
         "benchmarks.speed",
         "benchmarks.stress",
         "benchmarks.validation",
