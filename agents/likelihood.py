@@ -14,7 +14,8 @@ and goals have a similar total weight.
 
 In the second phase, *improvement*, only the policy plays. The optimizer raises the mean, over the layouts, of the
 logarithm of the expected return (policy gradient, Williams 1992, Simple statistical gradient-following algorithms). The
-baseline of a shot is the mean return of all shots from the same layout. So the safest way to score becomes the most
+baseline of a shot is the mean return of all shots from the same layout, and the difference is divided by it (Tajwar et
+al. 2026, Maximum likelihood reinforcement learning, arXiv:2602.02710). So the safest way to score becomes the most
 likely. A return below 0 counts as 0.
 
 In an episode of several shots the return of a shot is its reward plus the value of the position after it. The critic of
