@@ -7,14 +7,17 @@ mixture of the policy can represent several ways to score, and its standard devi
 
 In a task with a goal a shot is also a label for another goal (hindsight, Andrychowicz et al. 2017). If it meets the
 other condition of the task, it scores for every goal near the place where the cue ball stops, and its goal is drawn
-there. So almost every such shot is useful.
+there. So almost every such shot is useful. With `goals` the likeliest shots for random goals are labels too, after a
+correction towards the goal with the derivatives of the place where the cue ball stops (Mora et al. 2021, Policy
+optimization via differentiable simulation). So the policy learns to correct the shots that it would play.
 
 The weight of a shot is 1 over the number of shots of its layout that reach the same goal. So easy and difficult layouts
 and goals have a similar total weight.
 
 In the second phase, *improvement*, only the policy plays. The optimizer raises the mean, over the layouts, of the
 logarithm of the expected return (policy gradient, Williams 1992, Simple statistical gradient-following algorithms). The
-baseline of a shot is the mean return of all shots from the same layout. So the safest way to score becomes the most
+baseline of a shot is the mean return of all shots from the same layout, and the difference is divided by it (Tajwar et
+al. 2026, Maximum likelihood reinforcement learning, arXiv:2602.02710). So the safest way to score becomes the most
 likely. A return below 0 counts as 0.
 
 In an episode of several shots the return of a shot is its reward plus the value of the position after it. The critic of
@@ -58,6 +61,9 @@ _WORTH = 0.1  # least mean return by which the gradient of a layout is divided
 _SLOWER = 0.5  # factor of the learning rate in the second phase
 _CRITIC = 0.1  # weight of the error of the critic
 _NORM = 5.0  # largest norm of a gradient
+_CHANGE = 0.1  # of a finite difference, in standard deviations of the policy
+_FARTHEST = 2.5  # largest correction, in standard deviations
+_DAMPING = 0.01  # of a correction
 
 
 class Labels(NamedTuple):
@@ -133,6 +139,10 @@ class LikelihoodTraining(Training):
         """Makes the shots that score more likely: random hits, shots of the policy and shots of earlier updates."""
         envs, settings, rng, mixtures = self._envs, self._settings, self._rng, self._mixtures(seen)
         count, own = settings["layouts"], settings["own"]
+        if settings["goals"] and len((labels := self._corrected(mixtures)).rows):
+            self._fit(mixtures, labels)
+            self._kept.append((seen, labels))
+            mixtures = self._mixtures(seen)
         with torch.no_grad():
             sampled = mixtures(torch.arange(count), seen.get("goal")).samples(own).clamp(-1, 1).numpy()
         legal = seen["legal_balls"].numpy() > 0 if "legal_balls" in seen else None
@@ -148,6 +158,41 @@ class LikelihoodTraining(Training):
         if self._goes_on:
             self._step(-self._error(self.policy.net.layouts(**seen)[1], self._returns(outcomes, own)), 0)
         return outcomes
+
+    @torch.no_grad()
+    def _corrected(self, mixtures: Callable[[Tensor, Tensor | None], Mixture]) -> Labels:
+        """Returns the likeliest shots for random goals that score after a correction, see `corrections`."""
+        scene, radius = self._envs.single_env.scene, self._envs.single_env.model.goal_radius
+        rows = torch.arange(self._settings["layouts"]).repeat_interleave(self._settings["goals"])
+        half = np.array(scene.half_extents)
+        places = self._rng.uniform(-1.0, 1.0, (len(rows), 1, 2)) * (half - scene.balls.radius[0])
+        goals = torch.from_numpy(places / half).float()
+        mixture = mixtures(rows, goals)
+        size = 2 + mixture.tip.shape[1]
+        changes = torch.cat((torch.zeros(1, size), _CHANGE * torch.eye(size)))
+        _, ends, met = self._play_near(mixture, changes[:, :, None])
+        slopes = (ends[:, 1:] - ends[:, :1]) / _CHANGE  # (k, a, 2)
+        steps = corrections(slopes, places - ends[:, :1], radius)
+        actions, ends, met_again = self._play_near(mixture, torch.from_numpy(steps.T).float()[None])
+        near = met.all(1) & met_again[:, 0] & (np.abs(steps) <= _FARTHEST).all(1)
+        good = torch.from_numpy(near & (np.hypot(*(ends - places)[:, 0].T) <= radius))
+        return Labels(rows[good], actions[good, 0], goals[good], torch.ones(int(good.sum())))
+
+    def _play_near(self, mixture: Mixture, errors: Tensor) -> tuple[Tensor, Floats, Bools]:
+        """Plays the likeliest shots with errors, without noise.
+
+        Args:
+            mixture: k mixtures, the same number for each layout.
+            errors: (e, a, k) or (e, a, 1), in standard deviations.
+
+        Returns:
+            The actions (k, e, a), the places (k, e, 2) where the cue ball stops, m, and whether the shots meet the
+            condition of the task (k, e).
+        """
+        actions = torch.stack([mixture.mode(error) for error in errors], 1).clamp(-1, 1)
+        outcomes = self._play(actions.reshape(self._settings["layouts"], -1, actions.shape[2]).numpy(), noisy=False)
+        achieved = outcomes.observations[ACHIEVED].reshape(*actions.shape[:2], 3)
+        return actions, achieved[..., :CONDITION], achieved[..., CONDITION] > 0
 
     def _improve(self, seen: Seen) -> Outcomes:
         """Takes a step along the gradient of the mean logarithm of the expected return."""
@@ -174,11 +219,12 @@ class LikelihoodTraining(Training):
             features = self._envs.decode(observations)
         return {name: torch.from_numpy(features[name]).float() for name in self.policy.observe}
 
-    def _play(self, shots: Floats) -> Outcomes:
+    def _play(self, shots: Floats, noisy: bool = True) -> Outcomes:
         """Returns the outcomes of shots (m, k, a) from the states of the environments."""
         m, k, size = shots.shape
         self.shots += m * k
-        return self._envs.try_actions(shots.reshape(-1, size), self._envs.get_state().repeat(k), self._rng)
+        states, noise = self._envs.get_state().repeat(k), self._rng if noisy else None
+        return self._envs.try_actions(shots.reshape(-1, size), states, noise)
 
     def _returns(self, outcomes: Outcomes, count: int) -> Tensor:
         """Computes the returns (m, count) of the last `count` shots from each layout."""
@@ -285,6 +331,18 @@ def labels_of(envs: BilliardsVectorEnv, shots: Floats, outcomes: Any, most: int,
     return Labels(torch.from_numpy(rows), actions, goals, torch.from_numpy(1.0 / reached).float())
 
 
+def corrections(slopes: Floats, misses: Floats, radius: float) -> Floats:
+    """Returns the smallest changes (k, a) that correct misses to first order: damped steps of Gauss and Newton.
+
+    Args:
+        slopes: (k, a, 2) m, the derivatives of a place by the changes.
+        misses: (k, 1, 2) m, from the place to its goal.
+        radius: The radius of the goal, m. Slopes much smaller than it give small changes.
+    """
+    square = slopes.transpose(0, 2, 1) @ slopes + _DAMPING * radius**2 * np.eye(2)
+    return (slopes @ np.linalg.solve(square, misses.transpose(0, 2, 1)))[..., 0]
+
+
 def _with_gradient(mixture: Mixture, std: Tensor) -> Mixture:
     """Returns a mixture with the gradient of its standard deviations, those of `AimNetwork.std`."""
     along, across, tip = std / std.detach()
@@ -297,6 +355,8 @@ def _check(config: Config) -> None:
     for name, (value, expected) in (needed | {"env.max_shots": (config.env["max_shots"], one_shot)}).items():
         if value != expected:
             raise ValueError(f"{name} = {value!r}: expected {expected!r} with learner = 'likelihood'")
+    if config.settings["goals"] and config.env["goal_radius"] is None:
+        raise ValueError(f"likelihood.goals = {config.settings['goals']}: expected 0 in a task without a goal")
     config.n_envs = config.settings["layouts"]
 
 
@@ -304,6 +364,7 @@ _COUNTS = {"layouts": 128, "hits": 32, "own": 8, "labels": 1200, "passes": 2, "s
 
 LEARNER = Learner(
     {name: Setting(whole(1, 1_000_000), default) for name, default in _COUNTS.items()}
+    | {"goals": Setting(whole(0, 1_000_000), 0)}
     | {"imitation": Setting(up_to(1.0), 0.5), "learning_rate": Setting(rates, [4e-3, 4e-5])},
     _check,
     lambda config, run_dir: LikelihoodTraining(config),
@@ -312,7 +373,8 @@ LEARNER = Learner(
 
 `layouts` is the number of layouts of an update, and `imitation` the share of all shots that the first phase plays. In
 this phase `hits` and `own` are the numbers of random hits and of actions of the policy in each layout, `labels` is the
-largest number of shots that score in a step of the optimizer, and `passes` the number of steps for each update. In the
-second phase `samples` is the number of actions of the policy in each layout. `learning_rate` has the rates of the start
-and of the end; in the second phase they are halved.
+largest number of shots that score in a step of the optimizer, and `passes` the number of steps for each update. `goals`
+is the number of random goals of each layout for which the likeliest shot is corrected; 0 in a task without a goal. In
+the second phase `samples` is the number of actions of the policy in each layout. `learning_rate` has the rates of the
+start and of the end; in the second phase they are halved.
 """

@@ -1,9 +1,9 @@
 """The network of `billiards_env.sb3.AimPolicy`: from the positions of the balls to a mixture of Gaussians over actions.
 
-Each component of the mixture aims at a learned point next to an object ball. The network contains no pockets, and
-without `diameter` no ghost balls or cut angles. With `diameter` it also computes the direction of the object ball after
-the hit, and whether other balls are in the paths of both balls. `agents.likelihood` and `examples/ppo.py` train it
-without PPO of Stable-Baselines3.
+It is a mixture density network (Bishop 1994). Each component of the mixture aims at a learned point next to an object
+ball. The network contains no pockets, and without `diameter` no ghost balls or cut angles. With `diameter` it also
+computes the direction of the object ball after the hit, and whether other balls are in the paths of both balls.
+`agents.likelihood` and `examples/ppo.py` train it without PPO of Stable-Baselines3.
 """
 
 from __future__ import annotations
@@ -110,9 +110,14 @@ class Mixture(NamedTuple):
         parts = (part.repeat_interleave(count, 0) if part.dim() else part for part in self)
         return Mixture(*parts)
 
-    def mode(self) -> Tensor:
-        """Returns the mean of the Gaussian with the largest weight, (m, 2) or (m, 5)."""
-        errors = self.log_weight.new_zeros(2 + self.tip.shape[1], 1)
+    def mode(self, errors: Tensor | None = None) -> Tensor:
+        """Returns the mean of the Gaussian with the largest weight, (m, 2) or (m, 5).
+
+        Args:
+            errors: (2, m) or (5, m), added to the mean, in standard deviations; None for no errors.
+        """
+        if errors is None:
+            errors = self.log_weight.new_zeros(2 + self.tip.shape[1], 1)
         return self._action(self.log_weight.argmax(1, keepdim=True), errors)
 
     def _action(self, component: Tensor, errors: Tensor) -> Tensor:
@@ -190,8 +195,9 @@ class AimNetwork(nn.Module):
 
     The networks take a layout once for each object ball, with this ball in first place. A table has two axes of
     symmetry, so each layout is reflected to x >= 0 and y >= 0 for this ball, and the directions are reflected back. The
-    other object balls enter as the sum of the outputs of one network. So the weights fit any number of balls, and the
-    order of the balls does not matter. Before the training the other balls have no effect.
+    other object balls enter as the sum of the outputs of one network (Zaheer et al. 2017, Deep sets). So the weights
+    fit any number of balls, and the order of the balls does not matter. Before the training the other balls have no
+    effect.
 
     Args:
         half_extents: Half the length and half the width of the table, m: the units of the observation.

@@ -87,7 +87,8 @@ class GameSpace(spaces.Box):
 def by_value(log_prob: Tensor, values: Tensor) -> Tensor:
     """Returns `log_prob` (m,) with a gradient that is divided by `values` (m,), and then by the mean of these factors.
 
-    Factors are at least 1 and at most 10 before they are divided by their mean.
+    Factors are at least 1 and at most 10 before they are divided by their mean. Tajwar et al. (2026, Maximum likelihood
+    reinforcement learning, arXiv:2602.02710) divide by the mean return of several samples instead.
     """
     factor = 1.0 / values.detach().clamp(_WORTH, 1.0)
     factor = factor / factor.mean()

@@ -9,7 +9,7 @@ import torch
 
 from agents import train as module
 from agents.config import Config, load
-from agents.likelihood import LikelihoodTraining, labels_of, random_hits
+from agents.likelihood import LikelihoodTraining, corrections, labels_of, random_hits
 from billiards_env.players.strategies import hits
 from billiards_env.sb3 import load_policy
 from tests.helpers.errors import refusals
@@ -74,8 +74,37 @@ def test_labels_are_shots_that_reach_their_goals(task):
     assert success.mean() > 0.99  # goals at the rim, and actions in single precision
 
 
+@pytest.mark.parametrize("changes", [{}, {"noise": {"angle_std": 5.0}}, {"env": {"action": "strike"}}])
+def test_corrected_shots_reach_their_goals_near_the_likeliest_shots(changes):
+    settings = {**TINY["likelihood"], "goals": 100}
+    learner: Any = LikelihoodTraining(Config.from_dict({**TINY, "likelihood": settings, **changes}))
+    learner.restart()
+    envs, states = learner._envs, learner._envs.get_state()
+    mixtures = learner._mixtures(learner._seen(None))
+    labels = learner._corrected(mixtures)
+    assert learner.shots == 64 * 100 * (2 + labels.actions.shape[1])  # two, and one for each number of an action
+    assert len(labels.rows) > 100
+    with torch.no_grad():
+        likeliest = mixtures(labels.rows, labels.goals).mode()
+
+    def success(actions):
+        again = states[labels.rows.numpy()]
+        again["goals"] = labels.goals.numpy() * envs.single_env.scene.half_extents
+        return envs.try_actions(actions.numpy(), again).infos["is_success"].mean()
+
+    assert success(labels.actions) > 0.99  # actions and goals in single precision
+    assert success(likeliest) < 0.9
+    assert (labels.actions - likeliest).norm(dim=1).max() < 1.0
+
+
+def test_a_correction_solves_a_linear_miss_and_ignores_directions_without_effect():
+    slopes = np.array([[[2.0, 0.0], [0.0, 0.5], [0.0, 0.0]], [[1e-6, 0.0], [0.0, 1.0], [0.0, 1.0]]])
+    steps = corrections(slopes, np.array([[[0.4, -0.2]], [[0.4, -0.2]]]), 0.1)
+    assert np.allclose(steps, [[0.2, -0.4, 0.0], [0.0, -0.1, -0.1]], atol=0.005)
+
+
 def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(tmp_path, monkeypatch):
-    config = Config.from_dict(TINY)
+    config = Config.from_dict({**TINY, "likelihood": {**TINY["likelihood"], "goals": 2}})
     whole = trained_run(config, tmp_path / "whole")
     curve = module.learning_curve(whole)
     assert curve[-1].success > curve[0].success
@@ -233,6 +262,7 @@ def test_with_noise_the_shots_of_an_update_are_noisy(monkeypatch):
         ({"env": {"max_shots": 2}}, "env.max_shots = 2: expected 1 with learner = 'likelihood'"),
         ({"task": None, "env": {"task": "nine_ball", "n_players": 2}}, "env.n_players = 2: expected 1 with learner"),
         ({"likelihood": {"imitation": 1.5}}, "likelihood.imitation = 1.5: expected"),
+        ({"task": "Pot1-v0", "likelihood": {"goals": 1}}, "likelihood.goals = 1: expected 0 in a task without a goal"),
     ],
 )
 def test_wrong_settings_are_refused(changes, message, kind):
