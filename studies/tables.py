@@ -17,6 +17,7 @@ from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.observations import FEATURES
 from billiards_env.games import GAMES
+from billiards_env.games.facts import jumped
 from billiards_env.games.game_state import Called, RulesState, Verdict
 from billiards_env.games.referee import FAMILIES
 from billiards_env.scene import NAMED, PARAMETERS, SCENES, Physics
@@ -36,8 +37,10 @@ def games() -> str:
     for name, game in GAMES.items():
         calls = [*(["ball and pocket, safety"] if game.callable else []), *(c.replace("_", " ") for c in game.choices)]
         numbers = (" to ".join(map(str, dict.fromkeys(pair))) for pair in (game.n_players, game.n_object_balls))
-        rows.append((f"`{name}`", ", ".join(game.editions), *numbers, game.won_by, ", ".join(calls) or "-"))
-    return table(("`rules`", "Edition", "Players", "Object balls", "Won by", "Calls and choices"), rows, left=6)
+        jumps = "foul" if jumped in game.facts else "allowed"
+        rows.append((f"`{name}`", ", ".join(game.editions), *numbers, game.won_by, ", ".join(calls) or "-", jumps))
+    columns = "`rules`", "Edition", "Players", "Object balls", "Won by", "Calls and choices", "Jump shots"
+    return table(columns, rows, left=7)
 
 
 def sources() -> str:

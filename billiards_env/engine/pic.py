@@ -21,7 +21,7 @@ import numpy as np
 from billiards_env.engine import all_pairs, cell_grid, one_pair
 from billiards_env.engine.contact_rule import Memory, empty_memory, reset_memory
 from billiards_env.engine.log import clear_log, log_segment
-from billiards_env.engine.measures import record_nothing
+from billiards_env.engine.measures import BEGIN_PHASE, record_nothing
 from billiards_env.engine.pic_events import resolve_impacts, resolve_singles
 from billiards_env.engine.predictions import PAIR_RANK, QueueKernels, queue_of
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
@@ -106,11 +106,13 @@ def begin_shot(state, memory, changed, log):  # out: memory, changed, log
 
 
 @inlined
-def begin_phases(count, changed, state, scene, log):  # out: state, log
-    """Begins and records the next phase of the first `count` balls of `changed`."""
+def begin_phases(count, k, scene, work, shots, log):  # out: work, shots, log
+    """Begins and records the next phase of the first `count` balls of `work.changed`."""
     for c in range(count):
-        scene.space.begin_phase(state, changed[c], scene.numbers)
-        log_segment(log, state, changed[c])
+        i = work.changed[c]
+        scene.space.begin_phase(work.state, i, scene.numbers)
+        work.record(BEGIN_PHASE, i, -1, k, scene, work.state, shots)
+        log_segment(log, work.state, i)
 
 
 @inlined
@@ -141,7 +143,7 @@ def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
     queue.clear(state, scene, work.queue)
     total = pending = 0
     while True:
-        begin_phases(n_changed, changed, state, scene, log)
+        begin_phases(n_changed, k, scene, work, shots, log)
         spent = queue.predict(changed, n_changed, now, state, scene, work.queue)
         event = queue.earliest(state, scene, work.queue, limit)
         if event.time.hi > limit or event.time.hi == math.inf:

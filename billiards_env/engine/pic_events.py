@@ -67,11 +67,11 @@ def resolve_impacts(count, now, k, scene, work, shots, log):  # out: work, shots
     """
     contacts, changed = work.contacts, work.changed
     for c in range(count):
-        work.record(BEFORE_IMPACT, contacts.first[c], contacts.second[c], k, work.state, shots)
+        work.record(BEFORE_IMPACT, contacts.first[c], contacts.second[c], k, scene, work.state, shots)
     acts = collide(count, now.hi, contacts, work.state, scene, work.scratch, work.memory)
     for c in range(count):
         i, j = contacts.first[c], contacts.second[c]
-        work.record(AFTER_IMPACT, i, j, k, work.state, shots)
+        work.record(AFTER_IMPACT, i, j, k, scene, work.state, shots)
         count_hit(k, i, j, now, shots)
         log_event(log, now, BALL_BALL, i, j, work.state, contacts.closing[c], acts > 0)
         changed[2 * c], changed[2 * c + 1] = i, j

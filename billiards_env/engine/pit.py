@@ -25,7 +25,7 @@ from billiards_env.engine.log import (
     phase_end,
     phase_ended,
 )
-from billiards_env.engine.measures import record_nothing
+from billiards_env.engine.measures import BEGIN_PHASE, record_nothing
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, end_at, record_event
 from billiards_env.jit import allocating, entry_point, inlined, kernel
@@ -111,12 +111,13 @@ def make_workspace(scene, record):
 
 
 @inlined
-def _begin_phases(scene, work, log):  # out: work, log
+def _begin_phases(k, scene, work, shots, log):  # out: work, shots, log
     """Begins the next phase of the balls that have changed, and lists the balls that move. Returns their number."""
     state, count = work.state, 0
     for i in range(len(work.moved)):
         if work.changed[i]:
             scene.space.begin_phase(state, i, scene.numbers)
+            work.record(BEGIN_PHASE, i, -1, k, scene, state, shots)
             log_segment(log, state, i)
             work.changed[i] = False
             scene.space.predict_phase_end(i, work)
@@ -256,7 +257,7 @@ def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
     step, count, next_end, changed, pending = 0, 0, math.inf, True, 0
     while True:
         if changed:
-            count = _begin_phases(scene, work, log)
+            count = _begin_phases(k, scene, work, shots, log)
             next_end = _next_phase_end(work)
             pending += n * scene.numbers.cushion_work
             if pending > LOOK_AFTER:

@@ -104,13 +104,13 @@ def resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, shot
     count = fix_before(fix, count, scene, work)
     for c in range(count):
         if contacts.closing[c] > 0.0:
-            work.record(BEFORE_IMPACT, *_pair(contacts, c), k, state, shots)
+            work.record(BEFORE_IMPACT, *_pair(contacts, c), k, scene, state, shots)
     if count > 0:
         scene.space.exchange(restitution_at(count, contacts, scene), count, contacts, state, scene, work.scratch)
     for c in range(count):
         if contacts.closing[c] > 0.0:  # otherwise they overlap without an impact
             i, j = _pair(contacts, c)
-            work.record(AFTER_IMPACT, i, j, k, state, shots)
+            work.record(AFTER_IMPACT, i, j, k, scene, state, shots)
             count_hit(k, i, j, now, shots)
     if fix_after(fix, count, scene, work):
         shots.time[k] = now.hi  # the balls may be at rest already

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from billiards_env.engine.log import Log
-from billiards_env.engine.measures import START
+from billiards_env.engine.measures import END, START
 from billiards_env.engine.shots import Shots, load_shot, store
 from billiards_env.jit import inlined
 from billiards_env.jit.interrupt import interrupted
@@ -36,10 +36,11 @@ def for_all_shots(run: Any) -> Any:
         for k in ks:
             arrays = scene_of(kernels, scene, k)
             load_shot(k, shots, arrays, work.state)
-            work.record(START, -1, -1, k, work.state, shots)
+            work.record(START, -1, -1, k, arrays, work.state, shots)
             spent = run(k, arrays, work, limit, max_events, shots, log)
             if spent == INTERRUPTED:
                 return True
+            work.record(END, -1, -1, k, arrays, work.state, shots)
             store(k, shots, arrays, work.state)
             pending += spent + len(arrays.radius)
             if pending > LOOK_AFTER:

@@ -125,7 +125,7 @@ def row_type(n: int, flight: bool = False, measures: tuple[str, ...] = ()) -> np
     """Returns the type of a row of `Shots` of n balls. The fields that are None in `Shots` do not exist."""
     whole, flags = ("i4", (n,)), ("?", (n,))
     start = (("f8", (n, 2)), ("f8", (n, 2)), ("f8", (n, 3)), flags, "i8", ("f8", (n, 2)))
-    kinds = (*start, "f8", whole, whole, "i8", "i8", "i8", "i8", whole, whole, flags, "f8", measures_type(measures))
+    kinds = (*start, "f8", whole, whole, "i8", "i8", "i8", "i8", whole, whole, flags, "f8", measures_type(measures, n))
     missing = {"heights": not flight, "measures": not measures}
     fields = [field for field in zip(Shots._fields, kinds, strict=True) if not missing.get(field[0])]
     return np.dtype(fields, align=True)

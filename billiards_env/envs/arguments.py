@@ -219,7 +219,7 @@ def make_model(
         can_call=can_call,
         can_place=flag("can_place", can_place) and setup is not None and setup.game_rules.pockets,
         scatter=check_scatter(scatter),
-        measures=_asked(entry.measures, observe),
+        measures=_asked(entry.measures if setup is None else setup.game_rules.measures, observe),
     )
     return model._replace(arguments=_used(given, model))
 

@@ -360,7 +360,6 @@ def task_of(name: str, n_players: int = 1) -> Task:
         cushions=None if game.pockets else game.cushions,
         rules=name,
         is_game=True,
-        measures=game.measures,
         breaks=tuple(layout for layout in game.layouts if layout != "random"),
     )
 

@@ -107,7 +107,7 @@ GAMES = {
             ("5g", "a snookered player also has to pot a ball or to drive one to a cushion"),
             ("6c", "after a foul the cue ball stays where it lies, except after a scratch"),
             ("7b", "a black potted together with the last ball of the group loses"),
-            ("-", "no rules for touching balls, jumps, stalemate and deliberate fouls"),
+            ("-", "no rules for touching balls, jump shots, stalemate and deliberate fouls"),
         ),
         page=(
             ("to win", "pot all balls of your group, then the black"),

@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from billiards_env.games.facts import USUAL, facts_type, potted, recorder
+from billiards_env.games.facts import USUAL, facts_type, jumped, jumped_in_flight, potted, recorder
 from billiards_env.games.game_state import FIELDS, MOST_PLAYERS, NOT_IN_HAND, NoState, RulesState, hints_of, row_type
 from billiards_env.games.placement import spot_at_foot
 from billiards_env.jit import inlined
 from billiards_env.physics.state import CUE_BALL
+from billiards_env.scene import Scene
 
 Kernel = Callable[..., Any]
 Page = tuple[tuple[str, str], ...]
@@ -122,7 +123,7 @@ class Game(NamedTuple):
         most_points: Function of the number of object balls. Returns the most points of a rack.
         state: Function of the number of object balls. Returns the own state at the opening, a NamedTuple whose fields
             have the types of `game_state`, such as `Count`. `Game.state_type` is the type of the whole state.
-        facts: The facts of a shot that the game uses, see `games.facts`.
+        facts: The facts of a shot that the game uses, see `games.facts`. With `jumped`, jump shots are fouls.
         measures: The measures that the engine records for these facts, see `engine.measures`.
         check: Function of a state of a custom opening. Returns what is expected of the balls on the table, or "".
         see: Kernel `(table, positions, state, facts, call)`. Writes the facts of a shot that need the positions after
@@ -174,6 +175,13 @@ class Game(NamedTuple):
     look: Kernel = no_look
     without_shot: Kernel = no_rerack
     replace: Kernel = keep_scores
+
+    def in_scene(self, scene: Scene) -> Game:
+        """Returns the game as it is played in a scene. Only scenes with flight record jump shots."""
+        if not scene.physics.flight or jumped not in self.facts:
+            return self
+        facts = tuple(jumped_in_flight if fact is jumped else fact for fact in self.facts)
+        return self._replace(facts=facts, measures=(*self.measures, "times_over"))
 
     @property
     def record(self) -> Kernel:

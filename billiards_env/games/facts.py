@@ -13,6 +13,7 @@ A set of balls never holds the ball that is struck.
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple, get_type_hints
 
@@ -204,6 +205,31 @@ def cue_off(shots, k, bits) -> bool:
     """Whether the cue ball was driven off the table."""
     return _flies_off(shots, k, shots.cue[k])
 
+
+def _jumped(is_over: Kernel) -> Kernel:
+    @inlined
+    def jumped(shots, k, bits) -> Balls:
+        """The object balls that the cue ball jumped over before its first contact, in scenes with flight.
+
+        It jumps over a ball if it flies above a part of it, and does not hit it in this flight.
+        """
+        return balls_that(is_over, shots, k, bits)
+
+    return jumped
+
+
+@inlined
+def _never(shots, k, i):
+    return False
+
+
+@inlined
+def _is_jumped(shots, k, i):
+    return shots.measures[k].times_over[i] < math.inf
+
+
+jumped, jumped_in_flight = _jumped(_never), _jumped(_is_jumped)
+"""The fact `jumped` of games on the cloth, which is empty, and in scenes with flight, see `Game.in_scene`."""
 
 USUAL = first, potted, scratch, cushion_after, driven_off, cue_off
 """The facts of `pool.standard_foul`. The referee uses `potted` and `driven_off` in each game."""

@@ -34,12 +34,13 @@ the table."""
 NOT_IN_HAND, BEHIND, ANYWHERE = range(len(IN_HAND))
 
 FOULS = ("", "scratch", "no_hit", "wrong_ball", "wrong_pot", "no_cushion", "illegal_break", "breaking_foul", "push")
-FOULS += ("free_ball", "driven_off")
+FOULS += ("free_ball", "driven_off", "jump_shot")
 """The fouls; "" means no foul. "scratch" is a potted cue ball, "wrong_pot" a potted ball that is not on,
 "breaking_foul" a bad opening break of straight pool, "push" a shot into a ball that touches the cue ball, "free_ball" a
-snooker behind the free ball, "driven_off" an object ball driven off the table."""
+snooker behind the free ball, "driven_off" an object ball driven off the table, "jump_shot" a cue ball that jumps over
+an object ball."""
 NO_FOUL, SCRATCH, NO_HIT, WRONG_BALL, WRONG_POT, NO_CUSHION, ILLEGAL_BREAK, BREAKING_FOUL = range(8)
-PUSH, FREE_BALL, DRIVEN_OFF = range(8, len(FOULS))
+PUSH, FREE_BALL, DRIVEN_OFF, JUMP_SHOT = range(8, len(FOULS))
 
 CALLS = ("shot", "safety", "push_out", "hand_back", "replace", "rerack", "break_again", "stalemate")
 """The kinds of calls.

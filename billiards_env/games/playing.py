@@ -151,8 +151,8 @@ class Setup:
 
     @property
     def game_rules(self) -> Game:
-        """The entry of the game."""
-        return entry_of("rules", self.rules, GAMES)
+        """The entry of the game, as it is played in the scene."""
+        return entry_of("rules", self.rules, GAMES).in_scene(self.scene)
 
     @property
     def placement_table(self) -> tuple[Any, ...]:

@@ -2,8 +2,9 @@
 
 "WPBSA" is section 3 of the Official Rules of the Games of Snooker and English Billiards of the World Professional
 Billiards and Snooker Association; its list of amendments ends in November 2014. The source is secondary: a copy of this
-text in github.com/chalkysticks/api, `snooker_wpbsa.php`. The balls 1 to `reds` are red; yellow, green, brown, blue,
-pink and black follow. `Game.left_out` lists the simplifications.
+text in github.com/chalkysticks/api, `snooker_wpbsa.php`; for the definition of a jump shot (section 2, 20) a German
+translation, snookerregeln.de. The balls 1 to `reds` are red; yellow, green, brown, blue, pink and black follow.
+`Game.left_out` lists the simplifications.
 
 The kernels have the arguments of `entry.Game`; sets of balls are bit masks.
 """
@@ -14,12 +15,13 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 from billiards_env.games.entry import Game, keep_scores, no_target
-from billiards_env.games.facts import USUAL, cushions_before_first
+from billiards_env.games.facts import USUAL, cushions_before_first, jumped
 from billiards_env.games.game_state import (
     BEHIND,
     DRIVEN_OFF,
     FREE_BALL,
     HAND_BACK,
+    JUMP_SHOT,
     MOST_BALLS,
     NO_FOUL,
     NO_HIT,
@@ -190,7 +192,9 @@ def foul_of(state, facts, on, free):
         return WRONG_POT
     if facts.driven_off != 0:
         return DRIVEN_OFF
-    return FREE_BALL if facts.hidden else NO_FOUL
+    if facts.hidden:
+        return FREE_BALL
+    return JUMP_SHOT if facts.jumped != 0 else NO_FOUL
 
 
 @inlined
@@ -215,6 +219,11 @@ def snooker(state, facts, call):
     start. If it is on, a player who plays away from it counts as touching it first (3.8). Colours potted on a foul are
     spotted, reds are not. It is a foul to leave the cue ball snookered on all balls on behind the free ball, unless
     only pink and black are left (3.12 b). The next player may make the offender shoot again.
+
+    In scenes with flight it is a foul to play a jump shot (3.10 a): the cue ball passes over any part of an object ball
+    before it has struck one. There are three exceptions (section 2, 20). The cue ball may jump over a ball after it has
+    struck another one (a), or after it has struck this ball lawfully and then a cushion or another ball (c). It may
+    also jump onto a ball, if it does not land on the far side of this ball (b).
 
     With the miss rule, that player may also have the balls replaced, if the cue ball touched no ball on first and no
     player needs penalty points before or after the shot (3.14 a). From a position in which a ball on can be hit full,
@@ -423,7 +432,10 @@ GAMES = {
         sources=("World Professional Billiards and Snooker Association (WPBSA), November 2014; secondary source",),
         left_out=(
             ("2.19", "only a shot that first hits a ball touching the cue ball, before a cushion, is a push stroke"),
-            ("2.20", "in scenes with flight, a jump shot is no foul"),
+            (
+                "2.20",
+                "a ball that the cue ball hits at the end of a flight is not jumped over, wherever the cue ball lands",
+            ),
             ("3.3, 3.12", "if a player nominates no ball, the ball that the cue ball touches first is nominated"),
             ("3.4 b", "after a tie no lots are drawn: the next player has the choice of the winner of the lot"),
             ("3.12", "a cue ball in hand is snookered if it is snookered at all free places of a grid in the D"),
@@ -436,7 +448,7 @@ GAMES = {
         most_points=lambda balls: 8 * balls - 21,
         spot=spot_colours,
         state=lambda balls: Snooker(reds=balls - 6),
-        facts=(*USUAL, cushions_before_first, hidden),
+        facts=(*USUAL, cushions_before_first, hidden, jumped),
         check=check,
         see=see,
         settle=settle,

@@ -75,6 +75,70 @@ def test_of_several_balls_that_are_hit_at_once_the_first_one_counts():
     assert (cue_after, one_after) == (moving[0].tolist(), moving[1].tolist())
 
 
+FLIGHT, OVER = Scene.named("jump_pool", 3), "times_over"
+REACH = 2 * FLIGHT.balls.radius[0]
+LINE = [[-0.6, 0.0], [-0.3, 0.0], [0.2, 0.0], [0.0, 0.4]]
+
+
+def over(velocity, places=LINE, **options: Any) -> Any:
+    """Plays a shot in a scene with flight. Returns it, and the balls that the cue ball comes over with the times."""
+    shot: Any = simulate(FLIGHT, places, velocity, measures=[OVER], record=True, **options)
+    times = shot.measures[OVER]
+    return shot, {ball: times[ball] for ball in np.flatnonzero(np.isfinite(times)).tolist()}
+
+
+@engines
+def test_the_time_at_which_the_cue_ball_flies_over_a_ball(engine):
+    shot, times = over([2.0, 0.0, 1.5], engine=engine)
+    assert (shot.first_hit, times) == (2, {1: pytest.approx((0.3 - REACH) / 2.0, abs=1e-15)})
+    shot, times = over([2.0, 0.0, 1.5], [LINE[0], [-0.3, REACH - 1e-9], *LINE[2:]], engine=engine)
+    assert (shot.first_hit, times.keys()) == (2, {1})  # a part of the ball is enough
+    shot, times = over([2.0, 0.0, 1.5], [LINE[0], [-0.3, REACH + 1e-9], *LINE[2:]], engine=engine)
+    assert (shot.first_hit, times) == (2, {})
+
+
+@engines
+def test_the_ball_that_the_cue_ball_hits_in_the_air_is_not_flown_over(engine):
+    shot, times = over([1.0, 0.0, 1.2], engine=engine)
+    assert (shot.first_hit, times) == (1, {})
+    assert shot.heights_at(shot.first_hit_time)[0] > 0.0
+
+
+@engines
+def test_balls_beyond_the_end_of_a_flight_and_after_the_first_contact_are_not_flown_over(engine):
+    assert over([2.0, 0.0, 0.0], engine=engine)[1] == {}
+    shot, times = over([2.0, 0.0, 1.5], engine=engine, max_time=0.1)
+    assert (shot.first_hit, times) == (-1, {})
+    behind = [LINE[0], [-0.5, 0.0], [-0.5 + 1.8 * REACH, 0.0], LINE[3]]
+    shot, times = over([4.0, 0.0, 1.5], behind, engine=engine)  # it hits the first ball and jumps over the next one
+    assert (shot.first_hit, times) == (1, {})
+
+
+def test_a_ball_that_was_flown_over_before_may_be_the_first_one_to_be_hit():
+    shot, times = over([3.0, 0.0, 1.2], [[0.0, 0.0], [0.3, 0.0], [-1.0, 0.3], LINE[3]])
+    assert (shot.first_hit, shot.cushions_before_hit[1]) == (1, 1)
+    assert times == {1: pytest.approx((0.3 - REACH) / 3.0, abs=1e-15)}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_flights_over_balls_are_those_of_the_trajectory(seed):
+    rng = np.random.default_rng(seed)
+    places = [[-0.9, 0.0], *rng.uniform([-0.7, -0.15], [1.1, 0.15], (3, 2))]
+    if np.hypot(*(np.array(places)[:, None] - places).T)[np.triu_indices(4, 1)].min() < REACH:
+        pytest.skip("the balls overlap")
+    shot, times = over([rng.uniform(1, 4), rng.uniform(-0.4, 0.4), rng.uniform(-4, 3)], places)
+    seen: dict[int, float] = {}
+    for t in np.arange(0.0, min(shot.first_hit_time, shot.time), 2e-4):
+        if shot.heights_at(t)[0] > 1e-9:
+            away = np.hypot(*(shot.at(t)[1:] - shot.at(t)[0]).T)
+            for ball in np.flatnonzero(away < REACH).tolist():
+                seen.setdefault(ball + 1, t)
+    ends = [event["time"] for event in shot.events if 0 in (event["ball"], event["other"])]
+    last = max([0.0, *(t for t in ends if t < shot.first_hit_time)])  # the start of the flight before the first contact
+    seen = {ball: t for ball, t in seen.items() if t < last or not shot.touched_first[ball]}
+    assert times == pytest.approx(seen, abs=2.1e-4)
+
+
 @pytest.mark.parametrize("names", [["speed"], NAME])
 def test_wrong_names_are_refused(names):
     with pytest.raises((TypeError, ValueError), match=r"measures = |name in measures = 'speed': expected one of"):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from billiards_env.engine.measures import MEASURES
+from billiards_env.engine.measures import measures_type
 from billiards_env.envs import STATUS, BilliardsEnv, make_env
 from billiards_env.envs.action_frames import FRAMES
 from billiards_env.envs.observations import FEATURES
@@ -36,8 +36,9 @@ def kinds_of(info, n):
 def take_measures(env, info):
     """Removes the measures from an info, and returns them as one list of numbers."""
     found = {name: info.pop(name) for name in env.model.measures}
+    kind = measures_type(tuple(found), env.model.scene.n_balls)
     assert {name: (value.shape, value.dtype) for name, value in found.items()} == {
-        name: (MEASURES[name].shape, np.float64) for name in found
+        name: (kind[name].shape, np.float64) for name in found
     }
     return [number for value in found.values() for number in value.ravel()]
 

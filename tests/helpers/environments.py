@@ -32,7 +32,7 @@ VARIANTS: list[dict[str, Any]] = [
     {"scene": "real_carom", "task": "place"},  # the engine for two balls
     {"scene": "match_carom", "task": "three_cushion", "layout": "random", "max_shots": 2},
     {"scene": "benchmarks:match_carom_2", "task": "three_cushion"},
-    {"scene": "jump_pool", "task": "jump", "action": "strike", "max_shots": 2},
+    {"scene": "jump_pool", "task": "jump", "action": "strike", "max_shots": 2, "observe": ["positions", "times_over"]},
     {"task": "clear", "n_object_balls": 10, "layout": "ten_ball", "max_shots": 2},
     {"task": "clear", "n_object_balls": 9, "layout": "nine_ball_2025", "max_shots": 2},
     {"scene": "benchmarks:pooltool_carom", "task": "three_cushion", **LONG},
