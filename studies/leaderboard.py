@@ -110,7 +110,7 @@ def blocks(entries: Mapping[str, Any]) -> dict[str, str]:
         scores, total = entry["scores"], aggregate(entry["scores"])
         name = f"`{entry['player']}`" + ("" if entry["run"] else " (replayed only)")
         cells = (f"{scores[task]['success']:.1%}" if task in scores else "-" for task in BENCH_TASKS)
-        rows.append((name, "-" if total is None else f"{total:.3f}", *cells))
+        rows.append((name, "-" if total is None else f"{round(total, 3) + 0.0:.3f}", *cells))
     heads = (task.removesuffix("Noise-v0") for task in BENCH_TASKS)
     return {"table": table(("player", "aggregate", *heads), rows)}
 
@@ -129,7 +129,7 @@ def draw(entries: Mapping[str, Any], folder: Path) -> None:
         ax.errorbar(
             x, rates, np.abs(ends.T - rates), fmt="o", ms=5, capsize=2, color=f"C{k % 10}", label=entry["player"]
         )
-    ax.set_xticks(range(len(BENCH_TASKS)), [task.removesuffix("-v0") for task in BENCH_TASKS])
+    ax.set_xticks(range(len(BENCH_TASKS)), [task.removesuffix("Noise-v0") for task in BENCH_TASKS])
     ax.set_ylim(-0.03, 1.03)
     ax.set_ylabel("success")
     ax.grid(axis="y", alpha=0.3)

@@ -458,5 +458,6 @@ def score_table(bench: Bench) -> str:
             )
     pooled = [score([one for each in of_seed.values() for one in each])["normalised"] for of_seed in by_task.values()]
     if known := [one for one in pooled if one is not None]:
-        lines.append(f"interquartile mean of the normalised scores: {interquartile_mean(known):.3f}")
+        mean = round(float(interquartile_mean(known)), 3) + 0.0  # not "-0.000"
+        lines.append(f"interquartile mean of the normalised scores: {mean:.3f}")
     return "\n".join(lines)
