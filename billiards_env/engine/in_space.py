@@ -406,8 +406,9 @@ def _push_aside(count, contacts, state, scene):  # out: contacts, state
             i, j, n = contacts.first[c], contacts.second[c], contacts.normal[c]
             if rebound[c] > 0.0:
                 x, y = _ahead(n, state.rows[i])
-                ball, half = (i, -0.5 * rebound[c]) if upper == (n[UPWARDS] < 0.0) else (j, 0.5 * rebound[c])
-                change_velocity(state, ball, half * x, half * y, numbers)
+                ball, push = (i, -rebound[c]) if upper == (n[UPWARDS] < 0.0) else (j, rebound[c])
+                push *= scene.inv_mass[ball] / (scene.inv_mass[i] + scene.inv_mass[j])
+                change_velocity(state, ball, push * x, push * y, numbers)
     rebound[:count] = 0.0
     return acts
 

@@ -338,14 +338,26 @@ def test_the_cue_does_not_drive_a_ball_above_the_cue_ball():
     assert shot.velocities[1].tolist() == [0.0, 0.0]
 
 
+MASSES = dataclasses.replace(scene(), balls=Balls((R,) * 3, (0.1, 0.4, 0.17)))
+
+
+def test_the_push_of_a_ball_off_another_one_exchanges_momentum():
+    shot = play([0, 0, 0.5], [0, 0, 1e-6], others=[[0, 0, 0.5 + 2 * R], FAR[1]], scene=MASSES, max_time=1e-3)
+    (vx, _), (wx, _), _ = shot.velocities
+    assert shot.n_contact_rule > 0
+    assert 0.1 * vx + 0.4 * wx == pytest.approx(0.0, abs=1e-16)
+    assert vx < 0.0 < wx
+
+
 def test_what_has_no_flight_is_refused():
     s = scene()
     for fix in FIXES:
         refused = pytest.raises(ValueError, match=rf"fix = '{fix}' with physics\.flight = True")
         with refused if TREATMENTS[fix].goes_back else nullcontext():
             scene_fields(s, Engine("pit", 1 / 60, fix))
-    with pytest.raises(ValueError, match="expected equal balls"):
-        dataclasses.replace(s, balls=Balls((R, R, 0.03), s.balls.mass))
+    for balls in (Balls((R, R, 0.03), s.balls.mass), Balls(s.balls.radius, (0.17, 0.17, math.inf))):
+        with pytest.raises(ValueError, match="expected balls of one size and of finite masses"):
+            dataclasses.replace(s, balls=balls)
     with pytest.raises(ValueError, match="motion 'sliding'"):
         Physics(flight=True, motion="rolling", cushion="restitution")
     with pytest.raises(ValueError, match="velocities has shape"):
@@ -366,6 +378,7 @@ FALLING = {  # where the cue ball is, its velocity and spin, the other balls, th
     "jumps over a ball": ((-8, 0), (2.1, 0.0, -2.1), STILL, [[-7.8, 0.0], FAR[1]], scene(), None),
     "hops": ((-8, 0), (5.0, 0.0, -1.0), (0.0, -200.0, 0.0), FAR, scene(), None),
     "hits a ball in the air": ((-8, 0, 0.3), (1.0, 0.2, 0.0), (3.0, 4.0, 5.0), [[-7.8, 0.06], FAR[1]], scene(), 0.5),
+    "hits a heavy ball": ((-8, 0, 0.3), (1.0, 0.2, 0.0), (3.0, 4.0, 5.0), [[-7.8, 0.06], FAR[1]], MASSES, 0.5),
     "hits a nose": ((0.8, 0, 0.02), (2.0, 0.1, 0.3), (5.0, 9.0, 7.0), HERE, SHORT, 0.5),
     "hits a nose fast": ((0.8, 0.5, 0.01), (9.0, 0.0, 0.0), STILL, HERE, SHORT, 0.1),
     "falls on a ball": ((0.3, 0.2, 0.2), STILL, STILL, [[0.3, 0.2], HERE[1]], SHORT, None),

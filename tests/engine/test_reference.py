@@ -201,6 +201,27 @@ def test_random_flights_agree_with_the_high_precision_simulator():
     assert sum(shot is not None for shot in shots) >= 8
 
 
+def test_random_flights_of_balls_of_different_masses_agree_with_the_high_precision_simulator():
+    scene, places, velocities, spins = RAIN(np.random.default_rng(2), 12)
+    scene = with_masses(scene, 0.05, 0.5, 0.17, 0.17, 1.0, 0.1)
+    shots = [agrees(scene, *start) for start in zip(places, velocities, spins, strict=True)]
+    assert sum(shot is not None for shot in shots) >= 6
+
+
+@pytest.mark.parametrize("name", ["falls on a ball", "hits a ball in the air"])
+@pytest.mark.parametrize("mass", [0.05, 0.6])
+def test_an_impact_in_the_air_of_balls_of_two_masses_agrees_with_the_high_precision_simulator(name, mass):
+    *places, start, spin, expected = AIR[name]
+    shot = agrees(with_masses(JUMP, mass, 0.17), np.array(places), np.array([start, (0, 0, 0)]), [spin, (0, 0, 0)])
+    assert shot is not None
+    assert set(expected) <= set(shot.events["kind"])
+
+
+def with_masses(scene, *mass):
+    """Returns a scene with other masses, kg."""
+    return dataclasses.replace(scene, balls=dataclasses.replace(scene.balls, mass=mass))
+
+
 @pytest.mark.parametrize("name", ["pool_9ft", "uk_7ft"])
 def test_random_flights_at_jaws_agree_with_the_high_precision_simulator(name):
     """Three balls fly to a pocket. The tips of "uk_7ft" reach into the pockets."""

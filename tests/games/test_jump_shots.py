@@ -9,6 +9,7 @@ from billiards_env import billiards_v0
 from billiards_env.envs import make_env, make_vector_env
 from billiards_env.games import FOULS, GAMES, Setup, Stroke, custom_opening, play, referee
 from billiards_env.games.facts import jumped
+from billiards_env.players.batch import play_batch
 from tests.games.test_driven_off import flying
 from tests.helpers.games import one_shot, setup, state, words
 
@@ -58,6 +59,12 @@ def test_a_cue_ball_that_has_struck_a_ball_may_jump_over_another_one():  # secti
     path, heights = played.shot.at(times), played.shot.heights_at(times)
     away = np.hypot(*(path[:, 0] - path[:, 2]).T)
     assert ((away < 0.05) & (heights[:, 0] > 0.02)).any()
+
+
+def test_a_batch_of_candidates_has_the_same_jump_shots():
+    settings = Setup("snooker", SNOOKER["scene"])
+    batch = play_batch(settings, custom_opening(settings, POSITIONS), np.array([velocity for velocity, *_ in SHOTS]))
+    assert [FOULS[foul] for foul in batch.verdicts["foul"]] == [foul for *_, foul in SHOTS]
 
 
 def test_only_scenes_with_flight_record_jump_shots():

@@ -1,5 +1,8 @@
 """Random shots in all scenes end and pass all checks at every event."""
 
+import dataclasses
+from typing import Any, cast
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -18,6 +21,17 @@ def test_ordinary_shots_pass_all_checks(name):
     assert result["overlap"] <= checks.DEPTH
     assert result["outside"] <= checks.DEPTH
     assert result["rise"] <= checks.ENERGY_RISE
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_flights_of_balls_of_different_masses_pass_all_checks(name):
+    rng, family = np.random.default_rng(1), cast(Any, families.FAMILIES[name])
+    scene, places, velocities, spins = family(rng, 20)
+    for spread in (0.3, 1.5):
+        mass = tuple((0.17 * 10.0 ** rng.uniform(-spread, spread, scene.n_balls)).tolist())
+        heavy = dataclasses.replace(scene, balls=dataclasses.replace(scene.balls, mass=mass))
+        result = checks.check_shots(heavy, places, velocities, spins)
+        assert not result.bad(False).any(), result.findings
 
 
 @pytest.mark.parametrize("seed", range(40))
