@@ -171,8 +171,8 @@ def _add_match(parser: argparse.ArgumentParser) -> None:
 def _add_bench(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Play 1,000 layouts of frozen tasks and write a file with all actions and outcomes, or check files: 'billiards "
-        "bench verify FILE' plays the actions again and fails if any bit differs. It also prints scores with new noise: "
-        "of the actions in tasks of one shot, and of the player --again in longer tasks. Players: as for evaluate."
+        "bench verify FILE' plays the actions again and fails if any bit differs. It also prints scores with new "
+        "noise: of the actions in tasks of one shot, of the player --again in longer tasks. Players: as for evaluate."
     )
     add = parser.add_argument
     add("player", help="a player, such as search:200 or mine:player, or the word verify")
@@ -467,7 +467,9 @@ def _verify(path: Path, noise_seed: int, player: str | None) -> None:
         print(f"{player} plays again with the noise of seed {noise_seed}:", flush=True)
         print(bench.score_table(bench.play_tasks(player, tasks, seeds, noise_seed=noise_seed)), flush=True)
     for task in tasks if player is None else ():
-        print(f"{task}: replayed only, the player may have computed the noise beforehand (--again plays it)", flush=True)
+        print(
+            f"{task}: replayed only, the player may have computed the noise beforehand (--again plays it)", flush=True
+        )
 
 
 def calibrate(args: argparse.Namespace) -> None:

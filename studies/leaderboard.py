@@ -1,9 +1,9 @@
 """Verifies the files in `docs/leaderboard` and makes the page from them: `python -m studies.leaderboard`.
 
-An entry is a file of `billiards bench` with the public layouts and the layouts of a second seed, `SEEDS`. All tasks have
-noise. The score in a task of one shot is that of the actions with new noise, see `benchmark.fresh`. Its seed is drawn
-when the file is new or has changed. The score in a longer task is that of the file. The results and the seeds are in
-`studies/results/leaderboard.json`.
+An entry is a file of `billiards bench` with the public layouts and the layouts of a second seed, `SEEDS`. All tasks
+have noise. The score in a task of one shot is that of the actions with new noise, see `benchmark.fresh`. Its seed is
+drawn when the file is new or has changed. The score in a longer task is that of the file. The results and the seeds are
+in `studies/results/leaderboard.json`.
 
 The player `studies.leaderboard:trained` is the best row of `configs/learning.yaml` in each task, the policy of the
 first seed; `studies.leaderboard:trained:64` is the best of 64 actions that it proposes. `make results` writes their
@@ -77,8 +77,8 @@ def entries(
             seeds = [result.seed for result in one.results if result.task == task]
             if task not in BENCH_TASKS or sorted(seeds) != list(SEEDS):
                 raise ValueError(
-                    f"{path}: {task} with seeds {seeds}: expected some of {', '.join(BENCH_TASKS)}, each with the seeds "
-                    f"{' and '.join(map(str, SEEDS))}"
+                    f"{path}: {task} with seeds {seeds}: expected some of {', '.join(BENCH_TASKS)}, each with the "
+                    f"seeds {' and '.join(map(str, SEEDS))}"
                 )
             played = drawn if bench.is_one_noisy_shot(task) else one.results
             scores[task] = bench.score([result for result in played if result.task == task])

@@ -244,9 +244,7 @@ def fresh(bench: Bench, noise_seed: int) -> Bench:
     seeds = (np.random.SeedSequence(noise_seed).generate_state(DRAWS, np.uint64) >> np.uint64(1)).tolist()
     rows = [one for one in bench.results if is_one_noisy_shot(one.task)]
     return bench._replace(
-        results=tuple(
-            play_actions(one.task, one.seed, one.shots, one.actions, seed) for one in rows for seed in seeds
-        )
+        results=tuple(play_actions(one.task, one.seed, one.shots, one.actions, seed) for one in rows for seed in seeds)
     )
 
 
