@@ -1,7 +1,5 @@
 """Balls driven off the table: the rules on facts alone, and games in scenes with flight."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from billiards_env.games import FOULS, GAMES, NO_CALL, Call, Setup, Stroke, open
 from billiards_env.games.game_state import is_in, on_table, set_of
 from billiards_env.games.turn import next_games
 from billiards_env.scene import check_positions
-from tests.helpers.games import one_shot, setup, state, words
+from tests.helpers.games import flying, one_shot, setup, state, words
 
 BLUE, BLACK = 19, 21
 BREAK = {"break_shot": True}
@@ -106,16 +104,6 @@ def test_a_spot_of_three_cushion_may_be_blocked_twice():  # paper F
         GAMES["three_cushion"], SCENE, positions[None], *one_shot("three_cushion", before, driven_off=2)
     )
     np.testing.assert_allclose(after, [FOOT, HEAD, CENTRE])
-
-
-def flying(rules):
-    """Returns the arguments of an environment of a game with flight. Snooker is played on a table of pool with a D."""
-    game = GAMES[rules]
-    base = Scene.named("pool" if game.pockets else "carom", min(15, game.n_object_balls[1]))
-    table = dataclasses.replace(base.table, d_radius=0.2) if rules == "snooker" else base.table
-    scene = dataclasses.replace(base, table=table, physics=Scene.named("jump_pool").physics)
-    can_call = bool(game.callable or game.choices)
-    return {"task": rules, "n_players": 2, "scene": scene, "action": "strike", "can_call": can_call, "max_shots": 40}
 
 
 @pytest.mark.parametrize(("rules", "edition"), [(name, one) for name in GAMES for one in GAMES[name].editions])

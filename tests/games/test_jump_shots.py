@@ -10,8 +10,7 @@ from billiards_env.envs import make_env, make_vector_env
 from billiards_env.games import FOULS, GAMES, Setup, Stroke, custom_opening, play, referee
 from billiards_env.games.facts import jumped
 from billiards_env.players.batch import play_batch
-from tests.games.test_driven_off import flying
-from tests.helpers.games import one_shot, setup, state, words
+from tests.helpers.games import flying, one_shot, setup, state, words
 
 BLUE, PINK, BLACK = 19, 20, 21
 

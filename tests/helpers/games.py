@@ -25,6 +25,16 @@ def setup(rules, balls=None, **kwargs):
     return Setup(rules, **{"scene": scene, **kwargs})
 
 
+def flying(rules):
+    """Returns the arguments of an environment of a game with flight. Snooker is played on a table of pool with a D."""
+    game = GAMES[rules]
+    base = Scene.named("pool" if game.pockets else "carom", min(15, game.n_object_balls[1]))
+    table = dataclasses.replace(base.table, d_radius=0.2) if rules == "snooker" else base.table
+    scene = dataclasses.replace(base, table=table, physics=Scene.named("jump_pool").physics)
+    can_call = bool(game.callable or game.choices)
+    return {"task": rules, "n_players": 2, "scene": scene, "action": "strike", "can_call": can_call, "max_shots": 40}
+
+
 def hanging(**kwargs):
     """Returns the settings of straight pool, and a state in which ball 1 hangs in pocket 3."""
     game = setup("straight", 2, **kwargs)
