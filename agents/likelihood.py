@@ -61,6 +61,7 @@ _WORTH = 0.1  # least mean return by which the gradient of a layout is divided
 _SLOWER = 0.5  # factor of the learning rate in the second phase
 _CRITIC = 0.1  # weight of the error of the critic
 _NORM = 5.0  # largest norm of a gradient
+_BEGIN = 0.3  # share of the shots after which shots are corrected; with earlier corrections a policy became worse
 _CHANGE = 0.1  # of a finite difference, in standard deviations of the policy
 _FARTHEST = 2.5  # largest correction, in standard deviations
 _DAMPING = 0.01  # of a correction
@@ -139,7 +140,8 @@ class LikelihoodTraining(Training):
         """Makes the shots that score more likely: random hits, shots of the policy and shots of earlier updates."""
         envs, settings, rng, mixtures = self._envs, self._settings, self._rng, self._mixtures(seen)
         count, own = settings["layouts"], settings["own"]
-        if settings["goals"] and len((labels := self._corrected(mixtures)).rows):
+        corrects = settings["goals"] and self.shots >= _BEGIN * self._config.timesteps
+        if corrects and len((labels := self._corrected(mixtures)).rows):
             self._fit(mixtures, labels)
             self._kept.append((seen, labels))
             mixtures = self._mixtures(seen)

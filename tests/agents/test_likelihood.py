@@ -97,6 +97,17 @@ def test_corrected_shots_reach_their_goals_near_the_likeliest_shots(changes):
     assert (labels.actions - likeliest).norm(dim=1).max() < 1.0
 
 
+def test_corrections_begin_after_part_of_the_training():
+    settings = {**TINY["likelihood"], "goals": 3, "imitation": 1.0}
+    learner: Any = LikelihoodTraining(Config.from_dict({**TINY, "likelihood": settings}))
+    learner.restart()
+    learner.update()
+    assert learner.shots == 64 * (12 + 4)
+    learner.shots = before = TINY["timesteps"] // 2
+    learner.update()
+    assert learner.shots - before == 64 * (12 + 4 + 3 * 4)
+
+
 def test_a_correction_solves_a_linear_miss_and_ignores_directions_without_effect():
     slopes = np.array([[[2.0, 0.0], [0.0, 0.5], [0.0, 0.0]], [[1e-6, 0.0], [0.0, 1.0], [0.0, 1.0]]])
     steps = corrections(slopes, np.array([[[0.4, -0.2]], [[0.4, -0.2]]]), 0.1)
@@ -104,7 +115,7 @@ def test_a_correction_solves_a_linear_miss_and_ignores_directions_without_effect
 
 
 def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(tmp_path, monkeypatch):
-    config = Config.from_dict({**TINY, "likelihood": {**TINY["likelihood"], "goals": 2}})
+    config = Config.from_dict(TINY)
     whole = trained_run(config, tmp_path / "whole")
     curve = module.learning_curve(whole)
     assert curve[-1].success > curve[0].success
