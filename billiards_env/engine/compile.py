@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
-from billiards_env.engine.measures import with_measures
+from billiards_env.engine.measures import record_nothing
 from billiards_env.engine.overlaps import FIXES, TREATMENTS, Fix
 from billiards_env.engine.space import space_of
 from billiards_env.jit import Typed
@@ -155,13 +155,13 @@ def run_shots_of(scene: Scene, engine: Engine) -> tuple[Callable[..., None], Any
 
 
 @cached_by_scene
-def typed_run(scene: Scene, engine: Engine, has_scatter: bool = False, measures: tuple[str, ...] = ()) -> Typed:
+def typed_run(scene: Scene, engine: Engine, has_scatter: bool = False, record: Any = record_nothing) -> Typed:
     """Returns the function that runs the shots of a scene by an engine, without its argument `kernels`.
 
-    The types of its arrays must be those of `empty_shots`.
+    The types of its arrays must be those of `empty_shots`. `record` is the kernel of `measures.recorder`.
     """
     run_shots, kernels = run_shots_of(scene, engine)
-    return Typed(run_shots, with_measures(kernels, measures))
+    return Typed(run_shots, kernels._replace(record=record))
 
 
 def scene_fields(scene: Scene, engine: Engine = PIC) -> tuple[Any, ...]:
