@@ -19,7 +19,7 @@ from gymnasium.envs.registration import EnvSpec
 from billiards_env import Scene, register_game, register_layout, register_measure, register_task, simulate
 from billiards_env.__main__ import main
 from billiards_env.bench import benchmark as bench
-from billiards_env.engine.measures import MEASURES
+from billiards_env.engine.measures import AFTER_IMPACT, MEASURES
 from billiards_env.envs import load_state, make_env, make_vector_env, save_state
 from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.observations import FEATURES
@@ -127,7 +127,8 @@ def test_a_changed_measure_replaces_the_old_one():
 
     @inlined
     def record_pair(moment, i, j, k, scene, state, shots):
-        shots.measures[k].impacts[:] = i, j
+        if moment == AFTER_IMPACT and shots.first_hit[k] < 0:
+            shots.measures[k].impacts[:] = i, j
 
     record_pair.__module__ = module.__name__
 
