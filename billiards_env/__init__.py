@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from billiards_env.engine.strikes import Strike, strike
     from billiards_env.engine.threads import set_num_threads
     from billiards_env.envs.actions import register_action
-    from billiards_env.envs.observations import register_feature
+    from billiards_env.envs.observations import register_feature, register_measure
     from billiards_env.envs.tasks import register_task
     from billiards_env.games.referee import register_game
     from billiards_env.scene.layouts import register_layout
@@ -36,6 +36,7 @@ __all__ = [
     "register_feature",
     "register_game",
     "register_layout",
+    "register_measure",
     "register_player",
     "register_scene",
     "register_task",
@@ -66,6 +67,7 @@ _MODULES = {
     "register_feature": "envs.observations",
     "register_game": "games.referee",
     "register_layout": "scene.layouts",
+    "register_measure": "envs.observations",
     "register_scene": "scene.scene",
     "register_task": "envs.tasks",
 }

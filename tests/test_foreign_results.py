@@ -15,10 +15,12 @@ from billiards_env import (
     register_feature,
     register_game,
     register_layout,
+    register_measure,
     register_player,
     register_scene,
     register_task,
 )
+from billiards_env.engine.measures import MEASURES
 from billiards_env.envs import make_env
 from billiards_env.envs.actions import ACTIONS, Action
 from billiards_env.envs.observations import FEATURES, Feature
@@ -35,7 +37,7 @@ from billiards_env.players.situation import game_situation
 from billiards_env.scene import NamedScene, layouts, scene
 from billiards_env.scene.layouts import make_plan
 
-TABLES: list[Any] = [TASKS, FEATURES, ACTIONS, layouts.LAYOUTS, scene.NAMED, GAMES, PLAYERS]
+TABLES: list[Any] = [TASKS, FEATURES, MEASURES, ACTIONS, layouts.LAYOUTS, scene.NAMED, GAMES, PLAYERS]
 NAMES = (f"wrong_{k}" for k in itertools.count())
 HALF: Any = 0.5
 SPOTS, NAN, RNG = np.array([[0.1, 0.1], [0.5, 0.2]]), float("nan"), np.random.default_rng
@@ -464,6 +466,7 @@ def test_errors_of_the_function_itself_pass(use):
     [
         (register_task, TASKS),
         (register_feature, FEATURES),
+        (register_measure, MEASURES),
         (register_action, ACTIONS),
         (register_scene, scene.NAMED),
         (register_game, GAMES),

@@ -16,14 +16,16 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 
-from billiards_env import Scene, register_game, register_layout, register_task
+from billiards_env import Scene, register_game, register_layout, register_measure, register_task, simulate
 from billiards_env.__main__ import main
 from billiards_env.bench import benchmark as bench
+from billiards_env.engine.measures import AFTER_IMPACT, MEASURES
 from billiards_env.envs import load_state, make_env, make_vector_env, save_state
 from billiards_env.envs.actions import ACTIONS
 from billiards_env.envs.observations import FEATURES
 from billiards_env.envs.tasks import TASKS
 from billiards_env.games import GAMES, Call, History, Setup, Stroke, custom_opening, opening, play, records
+from billiards_env.jit import inlined
 from billiards_env.play.__main__ import make_history, make_parser
 from billiards_env.play.model import begin
 from billiards_env.players.env_player import acting
@@ -35,7 +37,7 @@ from tests.helpers.processes import run
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA, PAGE = ROOT / "tests" / "data", (ROOT / "docs" / "own_package.md").read_text(encoding="utf-8")
-TABLES: list[Any] = [TASKS, FEATURES, ACTIONS, layouts.LAYOUTS, scene.NAMED, GAMES, PLAYERS]
+TABLES: list[Any] = [TASKS, FEATURES, MEASURES, ACTIONS, layouts.LAYOUTS, scene.NAMED, GAMES, PLAYERS]
 ID = "billiards_env:Billiards-v0"
 OWN: dict[str, Any] = {
     "task": "my_billiards:cushion_first",
@@ -98,6 +100,47 @@ def test_single_and_vector_environments_specs_and_states_agree_bit_for_bit(tmp_p
     assert seen["from_centre"] == pytest.approx(np.hypot(0.45 * 2.54, 0.4 * 1.27) / np.hypot(1.27, 0.635))
     assert np.allclose(seen["positions"][:, 0], [-0.9, -0.8])
     envs.close()
+
+
+IN_LINE = [[-0.5, 0.0], [0.0, 0.0], [0.5, 0.0]]
+
+
+def test_a_measure_is_recorded_in_shots_environments_and_infos():
+    name = "my_billiards:impacts"
+    shot: Any = simulate("pool", IN_LINE, [3.0, 0.0], measures=[name], record=True)
+    assert shot.measures["impacts"] == sum(event["kind"] == "ball_ball" for event in shot.events) > 1
+    env = any_env(observe=[name], n_object_balls=2, max_speed=3.0).unwrapped
+    env.reset(seed=0, options={"positions": IN_LINE})
+    observation, *_, info = env.step(np.array([1.0, 0.0]))
+    assert info["impacts"] == shot.measures["impacts"] == pytest.approx(100 * observation[0])
+    entry = MEASURES["impacts"]
+    for wrong, error in (("positions", "that no feature has"), ("first_hit_velocities", "that no other measure has")):
+        with pytest.raises(ValueError, match=f"name = {wrong!r}: expected a name {error}"):
+            register_measure(wrong, entry)
+    with pytest.raises(TypeError, match=r"record of measure 'impacts' = .*: expected a kernel"):
+        register_measure("impacts", entry._replace(record=lambda *_: None))
+
+
+def test_a_changed_measure_replaces_the_old_one():
+    """As in a changed cell of a notebook."""
+    module, entry = importlib.import_module("my_billiards"), MEASURES["impacts"]
+
+    @inlined
+    def record_pair(moment, i, j, k, scene, state, shots):
+        if moment == AFTER_IMPACT and shots.first_hit[k] < 0:
+            shots.measures[k].impacts[:] = i, j
+
+    record_pair.__module__ = module.__name__
+
+    def measured() -> Any:
+        shot: Any = simulate("pool", IN_LINE, [3.0, 0.0], measures=["impacts"])
+        return shot.measures["impacts"].tolist()
+
+    assert measured() >= 1
+    register_measure("impacts", entry._replace(shape=(2,), record=record_pair))
+    assert measured() == [0.0, 1.0]
+    register_measure("impacts", entry)
+    assert measured() >= 1
 
 
 def test_workers_import_the_package():

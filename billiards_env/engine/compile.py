@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
-from billiards_env.engine.measures import with_measures
-from billiards_env.engine.overlaps import FIXES, TREATMENTS
+from billiards_env.engine.measures import record_nothing
+from billiards_env.engine.overlaps import FIXES, TREATMENTS, Fix
 from billiards_env.engine.space import space_of
 from billiards_env.jit import Typed
 from billiards_env.physics.geometry.noses import nose_arrays
@@ -94,6 +94,11 @@ class Engine:
             one_of("fix", fix, FIXES)
         object.__setattr__(self, "dt", float(dt))
 
+    @property
+    def treatment(self) -> Fix:
+        """The entry of `TREATMENTS` for `fix`."""
+        return TREATMENTS[self.fix or FIXES[0]]
+
     def __str__(self) -> str:
         steps = 0 if self.dt is None else round(1.0 / self.dt)
         dt = f"1/{steps}" if steps > 1 and 1.0 / steps == self.dt else self.dt
@@ -143,20 +148,20 @@ def cached_by_scene(function: Callable[..., Any]) -> Callable[..., Any]:
 def run_shots_of(scene: Scene, engine: Engine) -> tuple[Callable[..., None], Any]:
     """Returns the function that runs the shots of a scene by an engine, and its argument `kernels`."""
     if engine.mode == "pit":
-        return pit.run_shots, pit.PitKernels(scene_kernels(scene))
+        return pit.run_shots, pit.PitKernels(scene_kernels(scene), engine.treatment.kernels)
     n = scene.n_balls
     queue = pic.ONE_PAIR if n <= 2 else pic.ALL_PAIRS if n < MANY_BALLS else pic.CELL_GRID
     return pic.run_shots, pic.PicKernels(scene_kernels(scene), queue)
 
 
 @cached_by_scene
-def typed_run(scene: Scene, engine: Engine, has_scatter: bool = False, measures: tuple[str, ...] = ()) -> Typed:
+def typed_run(scene: Scene, engine: Engine, has_scatter: bool = False, record: Any = record_nothing) -> Typed:
     """Returns the function that runs the shots of a scene by an engine, without its argument `kernels`.
 
-    The types of its arrays must be those of `empty_shots`.
+    The types of its arrays must be those of `empty_shots`. `record` is the kernel of `measures.recorder`.
     """
     run_shots, kernels = run_shots_of(scene, engine)
-    return Typed(run_shots, with_measures(kernels, measures))
+    return Typed(run_shots, kernels._replace(record=record))
 
 
 def scene_fields(scene: Scene, engine: Engine = PIC) -> tuple[Any, ...]:
@@ -220,7 +225,7 @@ def _compiled(scene: Scene, engine: Engine) -> tuple[SceneKernels, tuple[Any, ..
     p, table = scene.physics, scene.table
     for name, laws in (("motion", MOTIONS), ("cushion", CUSHIONS), ("ball_ball", BALL_LAWS)):
         one_of(f"physics.{name}", getattr(p, name), tuple(laws))  # `scene` may have names that have no law
-    if p.flight and engine.fix and TREATMENTS[engine.fix].goes_back:
+    if p.flight and engine.treatment.goes_back:
         allowed = " or ".join(repr(name) for name, fix in TREATMENTS.items() if not fix.goes_back)
         raise ValueError(f"fix = {engine.fix!r} with physics.flight = True: expected {allowed}")
     numbers = _numbers(scene, engine, {})
@@ -255,5 +260,4 @@ def _numbers(scene: Scene, engine: Engine, varied: Varied) -> Any:
         weak_speed=weak_speed(motion, known["slide"], known["roll"]),
         longest_run=longest_run(scene.balls.mass),
         dt=varied.get("dt", engine.dt or 0.0),
-        fix=FIXES.index(engine.fix or FIXES[0]),
     )

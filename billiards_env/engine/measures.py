@@ -20,7 +20,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from billiards_env.physics.geometry.contact import circle_time
 from billiards_env.physics.motion import Path
 from billiards_env.physics.state import AIRBORNE, LASTS, POTTED, T0, VX, VY, X, Y
 from billiards_env.scene import Scene
-from billiards_env.support.checks import one_of, sequence
+from billiards_env.support.checks import key_of, sequence
 
 START, BEFORE_IMPACT, AFTER_IMPACT, BEGIN_PHASE, END = range(5)
 
@@ -119,15 +119,12 @@ def record_nothing(moment, i, j, k, scene, state, shots):
     """Records no measure."""
 
 
-@functools.cache
 def recorder(names: tuple[str, ...]) -> Callable[..., None]:
     """Returns the kernel that records measures."""
-    record = record_nothing
-    for name in names:
-        record = _with_one_more(record, MEASURES[name].record)
-    return record
+    return functools.reduce(_with_one_more, (MEASURES[name].record for name in names), record_nothing)
 
 
+@functools.cache
 def _with_one_more(others: Callable[..., None], own: Callable[..., None]) -> Callable[..., None]:
     @inlined
     def record(moment, i, j, k, scene, state, shots):
@@ -137,15 +134,10 @@ def _with_one_more(others: Callable[..., None], own: Callable[..., None]) -> Cal
     return record
 
 
-def with_measures(kernels: Any, names: tuple[str, ...]) -> Any:
-    """Returns the kernels of an engine with those of measures."""
-    return kernels._replace(record=recorder(names)) if names else kernels
-
-
-def measures_type(names: tuple[str, ...], n: int) -> np.dtype[np.void]:
-    """Returns the type of a row of `Shots.measures` of n balls."""
+def measures_type(names: tuple[str, ...], n: int) -> np.dtype[np.void] | None:
+    """Returns the type of a row of `Shots.measures` of n balls; None without measures."""
     shapes = {name: tuple(n if size == "balls" else size for size in MEASURES[name].shape) for name in names}
-    return np.dtype([(name, np.float64, shape) for name, shape in shapes.items()])
+    return np.dtype([(name, np.float64, shape) for name, shape in shapes.items()]) if names else None
 
 
 def checked_measures(names: Sequence[str]) -> tuple[str, ...]:
@@ -155,6 +147,5 @@ def checked_measures(names: Sequence[str]) -> tuple[str, ...]:
         TypeError: If they are not a list.
         ValueError: If there is no such measure.
     """
-    for name in (given := sequence("measures", names)):
-        one_of("name in measures", name, tuple(MEASURES))
+    given = [key_of("name in measures", name, MEASURES) for name in sequence("measures", names)]
     return tuple(name for name in MEASURES if name in given)

@@ -11,7 +11,7 @@ nearest position at which it touches the cushion.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from billiards_env.jit import inlined, kernel
@@ -40,49 +40,6 @@ class Bounce(NamedTuple):
     speed: float
 
 
-class FixKernels(NamedTuple):
-    """The kernels of a treatment of overlaps. They move balls in `pit.PitWorkspace.here` and in `State.rows`.
-
-    Attributes:
-        before: (count, scene, work) before the impacts of `count` overlapping pairs. Returns how many of them are left.
-        after: (count, scene, work) after these impacts. Returns whether it moves balls.
-        at_cushion: (i, wall, beyond, bounce, scene, work) before the `Bounce` of ball i, which is beyond a cushion by
-            `beyond` m and does not come back. Returns the `Bounce` at the new position.
-        in_corner: (i, wall, n, m, scene, work) before the impact of ball i on two cushions at once, with the normals n
-            and m. It touches the first and may overlap the second, `wall`.
-        after_cushion: (i, scene, work) after this `Bounce`.
-        at_rest: (i, scene, work) if ball i is at rest after its bounces. Returns whether it moves the ball.
-    """
-
-    before: Any
-    after: Any
-    at_cushion: Any
-    in_corner: Any
-    after_cushion: Any
-    at_rest: Any
-
-
-class Fix(NamedTuple):
-    """A treatment of overlaps.
-
-    Attributes:
-        summary: What happens to an overlap, for the documentation.
-        goes_back: Whether balls go back along their paths. A scene with flight has no such fix.
-        kernels: The kernels.
-    """
-
-    summary: str
-    goes_back: bool
-    kernels: FixKernels
-
-
-@inlined
-def place(i, x, y, work):  # out: work
-    """Moves ball i to a position at the end of the step, m."""
-    work.here[i, X], work.here[i, Y] = x, y
-    work.state.rows[i, X], work.state.rows[i, Y] = x, y
-
-
 @kernel
 def _keep_contacts(count, scene, work):
     return count
@@ -106,6 +63,59 @@ def _keep_in_corner(i, wall, n, m, scene, work):
 @kernel
 def _keep_place(i, wall, beyond, bounce, scene, work):
     return bounce if bounce.speed > 0.0 else Bounce(bounce.nx, bounce.ny, -1.0)
+
+
+@kernel
+def _keep_at_nose(row, dx, dy, touch):
+    pass
+
+
+class FixKernels(NamedTuple):
+    """The kernels of a treatment of overlaps. They move balls in `pit.PitWorkspace.here` and in `State.rows`.
+
+    By default, a kernel changes nothing.
+
+    Attributes:
+        before: (count, scene, work) before the impacts of `count` overlapping pairs. Returns how many of them are left.
+        after: (count, scene, work) after these impacts. Returns whether it moves balls.
+        at_cushion: (i, wall, beyond, bounce, scene, work) before the `Bounce` of ball i, which is beyond a cushion by
+            `beyond` m and does not come back. Returns the `Bounce` at the new position.
+        at_nose: (row, dx, dy, touch) before the impact of a ball in the air, with this row of `State.rows`, on a nose
+            that it overlaps. (dx, dy) is the way to the nose, m, which is shorter than `touch`.
+        in_corner: (i, wall, n, m, scene, work) before the impact of ball i on two cushions at once, with the normals n
+            and m. It touches the first and may overlap the second, `wall`.
+        after_cushion: (i, scene, work) after this `Bounce`.
+        at_rest: (i, scene, work) if ball i is at rest after its bounces. Returns whether it moves the ball.
+    """
+
+    before: Any = _keep_contacts
+    after: Any = _keep_positions
+    at_cushion: Any = _keep_place
+    at_nose: Any = _keep_at_nose
+    in_corner: Any = _keep_in_corner
+    after_cushion: Any = _keep_motion
+    at_rest: Any = _keep_positions
+
+
+class Fix(NamedTuple):
+    """A treatment of overlaps.
+
+    Attributes:
+        summary: What happens to an overlap, for the documentation.
+        goes_back: Whether balls go back along their paths. A scene with flight has no such fix.
+        kernels: The kernels.
+    """
+
+    summary: str
+    goes_back: bool
+    kernels: FixKernels
+
+
+@inlined
+def place(i, x, y, work):  # out: work
+    """Moves ball i to a position at the end of the step, m."""
+    work.here[i, X], work.here[i, Y] = x, y
+    work.state.rows[i, X], work.state.rows[i, Y] = x, y
 
 
 @kernel
@@ -273,6 +283,14 @@ def _bring_back(i, scene, work):  # out: work
 
 
 @kernel
+def _push_from_nose(row, dx, dy, touch):  # out: row
+    """Moves a ball away from a nose horizontally until they touch."""
+    if dx != 0.0 or dy != 0.0:
+        share = 1.0 - touch / norm(dx, dy)
+        row[X], row[Y] = row[X] + share * dx, row[Y] + share * dy
+
+
+@kernel
 def _push_along(i, wall, n, m, scene, work):  # out: work
     """Moves ball i along the cushion with the normal n, which it touches, to touch the cushion with the normal m."""
     x, y = work.here[i, X], work.here[i, Y]
@@ -289,52 +307,39 @@ TREATMENTS = {
         "The impulse acts along the line of centres of the overlapping balls. Then they are moved apart along this "
         "line until they touch, the lighter ball further. A ball beyond a cushion is moved back to it",
         False,
-        FixKernels(_keep_contacts, _push_apart, _push_inside, _push_along, _keep_motion, _bring_back),
+        FixKernels(
+            after=_push_apart,
+            at_cushion=_push_inside,
+            at_nose=_push_from_nose,
+            in_corner=_push_along,
+            at_rest=_bring_back,
+        ),
     ),
     "move_back": Fix(
         "Before the impulse the balls go back along their paths, by one step at most, to the positions at which they "
         "touched. The line of centres is then right, but the balls lag by the time of the backward motion",
         True,
-        FixKernels(_touch_balls, _keep_positions, _touch_cushion, _keep_in_corner, _keep_motion, _bring_back),
+        FixKernels(before=_touch_balls, at_cushion=_touch_cushion, at_rest=_bring_back),
     ),
     "none": Fix(
         "The positions do not change. A ball that stops beyond a cushion stays there",
         False,
-        FixKernels(_keep_contacts, _keep_positions, _keep_place, _keep_in_corner, _keep_motion, _keep_positions),
+        FixKernels(),
     ),
     "time_of_impact": Fix(
         "The balls go back as with `move_back`. After the impulse they move with the new velocities for the rest of "
         "the step",
         True,
-        FixKernels(_hit_balls, _finish_steps, _hit_cushion, _keep_in_corner, _finish_step, _bring_back),
+        FixKernels(
+            before=_hit_balls,
+            after=_finish_steps,
+            at_cushion=_hit_cushion,
+            after_cushion=_finish_step,
+            at_rest=_bring_back,
+        ),
     ),
 }
 """The treatments by name."""
 
 FIXES = tuple(TREATMENTS)
-"""The names of the treatments; the first is the default. `Numbers.fix` is an index into them."""
-
-KEEPS_PLACES = FIXES.index("none")
-"""The index of the fix that moves no balls."""
-
-
-def _choice(kernels: Sequence[Any]) -> Any:
-    """Returns a kernel that calls one of the kernels, chosen by its first argument."""
-    first, others = kernels[0], kernels[1:]
-    if not others:
-        return inlined(lambda k, *arguments: first(*arguments))
-    rest = _choice(others)
-
-    @inlined
-    def choose(k, *arguments):
-        if k == 0:
-            return first(*arguments)
-        return rest(k - 1, *arguments)
-
-    return choose
-
-
-fix_before, fix_after, fix_at_cushion, fix_in_corner, fix_after_cushion, fix_at_rest = (
-    _choice(kernels) for kernels in zip(*(fix.kernels for fix in TREATMENTS.values()), strict=True)
-)
-"""The kernels of `FixKernels`, with the index of the treatment as an additional first argument."""
+"""The names of the treatments; the first is the default."""

@@ -132,7 +132,7 @@ def resolve(event, k, scene, work, shots, log):  # out: work, shots, log
 
 
 @inlined
-def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
+def run(k, kernels, scene, work, limit, max_events, shots, log):  # out: work, shots, log
     """Runs shot k to rest, to the time `limit` (s) or to `max_events` events.
 
     Returns:
@@ -173,7 +173,7 @@ _run_all = for_all_shots(run)
 def _run_shots(kernels, begin, end, scene, limit, max_events, shots, log):  # out: shots, log
     """Runs shots, see `run_shots`. Returns whether it was interrupted."""
     work = make_workspace(scene_of(kernels.scene, scene, 0), kernels.queue, kernels.record)
-    return _run_all(range(begin, end), kernels.scene, scene, work, limit, max_events, shots, log)
+    return _run_all(range(begin, end), kernels, scene, work, limit, max_events, shots, log)
 
 
 @entry_point

@@ -26,6 +26,7 @@ from billiards_env.engine.log import (
     phase_ended,
 )
 from billiards_env.engine.measures import BEGIN_PHASE, record_nothing
+from billiards_env.engine.overlaps import FixKernels
 from billiards_env.engine.runner import INTERRUPTED, LOOK_AFTER, for_all_shots
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_MAX_TIME, AT_STEP_LIMIT, end_at, record_event
 from billiards_env.jit import allocating, entry_point, inlined, kernel
@@ -53,9 +54,16 @@ _PAIRS_PER_EVENT = 500  # pairs that are tested in the time of one event of `eng
 
 
 class PitKernels(NamedTuple):
-    """The kernels of the loop over timesteps: the `SceneKernels`, and `pic.PicKernels.record`."""
+    """The kernels of the loop over timesteps.
+
+    Attributes:
+        scene: The `SceneKernels`.
+        fix: The `FixKernels`.
+        record: As in `pic.PicKernels`.
+    """
 
     scene: SceneKernels
+    fix: FixKernels
     record: Any = record_nothing
 
 
@@ -160,7 +168,7 @@ def _end_next_phase(k, scene, work, shots, log):  # out: work, shots, log
 
 
 @inlined
-def _test_pockets(now, count, k, scene, work, shots, log):  # out: work, shots, log
+def _test_pockets(now, count, k, fix, scene, work, shots, log):  # out: work, shots, log
     """Computes the motion of the `count` moving balls at a `Time` in `here`, and captures the balls in pockets.
 
     Returns whether the motion of a ball changes.
@@ -169,7 +177,7 @@ def _test_pockets(now, count, k, scene, work, shots, log):  # out: work, shots, 
     for m in range(count):
         i = work.moving[m]
         scene.space.follow(i, since(now, own_time(work.state, i)), scene.numbers, work)
-        has_capture = scene.space.test_pockets(i, now, k, scene, work, shots, log) or has_capture
+        has_capture = scene.space.test_pockets(i, now, k, fix, scene, work, shots, log) or has_capture
     return has_capture
 
 
@@ -198,12 +206,12 @@ def _find_overlaps(count, scene, work):  # out: work
 
 
 @inlined
-def _test_cushions(now, k, scene, work, shots, log):  # out: work, shots, log
+def _test_cushions(now, k, fix, scene, work, shots, log):  # out: work, shots, log
     """Reflects the balls that are beyond a cushion at a `Time`. Returns whether there are balls beyond a cushion."""
     has_rebound = False
     for i in range(len(work.moved)):
         if (work.moved[i] or work.changed[i]) and work.state.phase[i] != POTTED:
-            has_rebound = scene.space.hit_cushions(i, now, k, scene, work, shots, log) or has_rebound
+            has_rebound = scene.space.hit_cushions(i, now, k, fix, scene, work, shots, log) or has_rebound
     return has_rebound
 
 
@@ -231,18 +239,18 @@ def _is_in_motion(next_end, state):
 
 
 @inlined
-def _test(now, count, k, scene, work, shots, log):  # out: work, shots, log
+def _test(now, count, k, fix, scene, work, shots, log):  # out: work, shots, log
     """Moves the `count` moving balls to a `Time` and tests for contacts. Returns whether any motion changes."""
-    has_capture = _test_pockets(now, count, k, scene, work, shots, log)
+    has_capture = _test_pockets(now, count, k, fix, scene, work, shots, log)
     overlaps = _find_overlaps(count, scene, work)
     if overlaps > 0:
-        scene.space.resolve_overlaps(overlaps, now, k, scene, work, shots, log)
-    has_rebound = _test_cushions(now, k, scene, work, shots, log)
+        scene.space.resolve_overlaps(overlaps, now, k, fix, scene, work, shots, log)
+    has_rebound = _test_cushions(now, k, fix, scene, work, shots, log)
     return has_capture or overlaps > 0 or has_rebound
 
 
 @inlined
-def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
+def run(k, kernels, scene, work, limit, max_events, shots, log):  # out: work, shots, log
     """Runs shot k to rest, to the time `limit` (s), to `max_events` events or to MAX_STEPS timesteps.
 
     Returns:
@@ -280,7 +288,7 @@ def run(k, scene, work, limit, max_events, shots, log):  # out: work, shots, log
             if interrupted():
                 return INTERRUPTED
             pause = min(limit, dt * min(MAX_STEPS, step + steps_between_looks))
-        changed = _test(now, count, k, scene, work, shots, log) or changed
+        changed = _test(now, count, k, kernels.fix, scene, work, shots, log) or changed
     return step * (n * n + 8) // _PAIRS_PER_EVENT + pending
 
 
@@ -291,7 +299,7 @@ _run_all = for_all_shots(run)
 def _run_shots(kernels, begin, end, scene, limit, max_events, shots, log):  # out: shots, log
     """Runs shots, see `run_shots`. Returns whether it was interrupted."""
     work = make_workspace(scene_of(kernels.scene, scene, 0), kernels.record)
-    return _run_all(range(begin, end), kernels.scene, scene, work, limit, max_events, shots, log)
+    return _run_all(range(begin, end), kernels, scene, work, limit, max_events, shots, log)
 
 
 @entry_point

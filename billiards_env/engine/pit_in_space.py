@@ -24,7 +24,6 @@ from billiards_env.engine.in_space import (
     speed_of_fall,
 )
 from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, LANDING, OFF_TABLE
-from billiards_env.engine.overlaps import KEEPS_PLACES, fix_at_rest
 from billiards_env.engine.shots import record_event
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
@@ -115,10 +114,10 @@ def _end_of_flight(i, t, scene, work):
 
 
 @inlined
-def test_pockets(i, now, k, scene, work, shots, log):  # out: work, shots, log
+def test_pockets(i, now, k, fix, scene, work, shots, log):  # out: work, shots, log
     """Implements `Space.test_pockets`: resolves and records the event that has ended the flight of a ball."""
     if work.state.phase[i] != AIRBORNE:
-        return pit_on_cloth.test_pockets(i, now, k, scene, work, shots, log)
+        return pit_on_cloth.test_pockets(i, now, k, fix, scene, work, shots, log)
     state, row, t = work.state, work.state.rows[i], since(now, own_time(work.state, i))
     end, kind, other = _end_of_flight(i, t, scene, work)
     if kind < 0:
@@ -127,7 +126,7 @@ def test_pockets(i, now, k, scene, work, shots, log):  # out: work, shots, log
     advance(state, i, now, scene.numbers)
     if kind == LANDING:
         row[VZ] = -fall
-        _land(i, now, k, scene, work, shots, log)
+        _land(i, now, k, fix, scene, work, shots, log)
         return True
     if kind == BALL_CUSHION:
         reach = scene.noses.inset + _reach(row, scene.radius[i], scene.noses)
@@ -137,34 +136,34 @@ def test_pockets(i, now, k, scene, work, shots, log):  # out: work, shots, log
 
 
 @inlined
-def _land(i, now, k, scene, work, shots, log):  # out: work, shots, log
+def _land(i, now, k, fix, scene, work, shots, log):  # out: work, shots, log
     """Resolves and records the landing of ball i, which touches the slate."""
     row = work.state.rows[i]
     speed = -row[VZ]
     land(work.state, i, scene.numbers)
     begin_phase(work.state, i, scene.numbers)
     _follow(i, work)
-    fix_at_rest(scene.numbers.fix, i, scene, work)
+    fix.at_rest(i, scene, work)
     record_event((LANDING, i, -1, speed), now, k, work.state, shots, log)
 
 
 @inlined
-def resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, shots, log
+def resolve_overlaps(count, now, k, fix, scene, work, shots, log):  # out: work, shots, log
     """Implements `Space.resolve_overlaps`."""
-    count = pit_on_cloth.resolve_overlaps(count, now, k, scene, work, shots, log)
+    count = pit_on_cloth.resolve_overlaps(count, now, k, fix, scene, work, shots, log)
     for c in range(count):
         for i in (work.contacts.first[c], work.contacts.second[c]):
-            _land_pressed(i, now, k, scene, work, shots, log)
+            _land_pressed(i, now, k, fix, scene, work, shots, log)
     return count
 
 
 @inlined
-def _land_pressed(i, now, k, scene, work, shots, log):  # out: work, shots, log
+def _land_pressed(i, now, k, fix, scene, work, shots, log):  # out: work, shots, log
     """Lets ball i land if an impact with another ball at this `Time` presses it into the slate."""
     row = work.state.rows[i]
     if row[Z] == 0.0 and row[VZ] < 0.0:
         work.state.phase[i] = AIRBORNE
-        _land(i, now, k, scene, work, shots, log)
+        _land(i, now, k, fix, scene, work, shots, log)
 
 
 @inlined
@@ -184,11 +183,11 @@ def _resolve(event, now, k, scene, work, shots, log):  # out: work, shots, log
 
 
 @inlined
-def hit_cushions(i, now, k, scene, work, shots, log):  # out: work, shots, log
+def hit_cushions(i, now, k, fix, scene, work, shots, log):  # out: work, shots, log
     """Implements `Space.hit_cushions`: reflects a ball in the air at the noses that it overlaps and approaches."""
     state, row, radius, has_hit = work.state, work.state.rows[i], scene.radius[i], False
     if state.phase[i] != AIRBORNE:
-        return pit_on_cloth.hit_cushions(i, now, k, scene, work, shots, log)
+        return pit_on_cloth.hit_cushions(i, now, k, fix, scene, work, shots, log)
     noses, box, reach = scene.noses, scene.outline.box, radius + scene.noses.inset
     if abs(work.here[i, X]) <= box[X] - reach and abs(work.here[i, Y]) <= box[Y] - reach:
         return False
@@ -201,9 +200,7 @@ def hit_cushions(i, now, k, scene, work, shots, log):  # out: work, shots, log
         nx, ny, nz = nose_normal(row, wall, noses)
         if nx * row[VX] + ny * row[VY] + nz * row[VZ] <= 0.0:
             continue
-        if scene.numbers.fix != KEEPS_PLACES and (dx != 0.0 or dy != 0.0):
-            share = 1.0 - touch / norm(dx, dy)
-            row[X], row[Y] = row[X] + share * dx, row[Y] + share * dy
+        fix.at_nose(row, dx, dy, touch)
         _resolve((BALL_CUSHION, i, wall), now, k, scene, work, shots, log)
         has_hit = True
     return has_hit

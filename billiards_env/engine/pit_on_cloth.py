@@ -6,16 +6,7 @@ import math
 
 from billiards_env.engine.log import BALL_BALL, BALL_CUSHION, BALL_POCKET
 from billiards_env.engine.measures import AFTER_IMPACT, BEFORE_IMPACT
-from billiards_env.engine.overlaps import (
-    Bounce,
-    fix_after,
-    fix_after_cushion,
-    fix_at_cushion,
-    fix_at_rest,
-    fix_before,
-    fix_in_corner,
-    place,
-)
+from billiards_env.engine.overlaps import Bounce, place
 from billiards_env.engine.shots import count_hit, pot, record_event
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.ball_ball import restitution_at
@@ -46,7 +37,7 @@ def predict_phase_end(i, work):  # out: work
 
 
 @inlined
-def test_pockets(i, now, k, scene, work, shots, log):  # out: work, shots, log
+def test_pockets(i, now, k, fix, scene, work, shots, log):  # out: work, shots, log
     """Implements `Space.test_pockets`: captures ball i if its centre, in `here`, is inside a pocket at a `Time`."""
     here = work.here
     pocket = pocket_at(scene.pockets, here[i, X], here[i, Y], 1.0)
@@ -94,14 +85,14 @@ def _pair(contacts, c):
 
 
 @inlined
-def resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, shots, log
+def resolve_overlaps(count, now, k, fix, scene, work, shots, log):  # out: work, shots, log
     """Implements `Space.resolve_overlaps`."""
-    state, contacts, here, fix = work.state, work.contacts, work.here, scene.numbers.fix
+    state, contacts, here = work.state, work.contacts, work.here
     for c in range(count):
         for i in (contacts.first[c], contacts.second[c]):
             scene.space.advance(state, i, now, scene.numbers)
             work.changed[i] = True
-    count = fix_before(fix, count, scene, work)
+    count = fix.before(count, scene, work)
     for c in range(count):
         if contacts.closing[c] > 0.0:
             work.record(BEFORE_IMPACT, *_pair(contacts, c), k, scene, state, shots)
@@ -112,7 +103,7 @@ def resolve_overlaps(count, now, k, scene, work, shots, log):  # out: work, shot
             i, j = _pair(contacts, c)
             work.record(AFTER_IMPACT, i, j, k, scene, state, shots)
             count_hit(k, i, j, now, shots)
-    if fix_after(fix, count, scene, work):
+    if fix.after(count, scene, work):
         shots.time[k] = now.hi  # the balls may be at rest already
     for c in range(count):
         i, j = _pair(contacts, c)
@@ -142,7 +133,7 @@ def _first_overlap(i, wall, scene, work):
 
 
 @kernel
-def _hit_cushion(i, wall, key, scene, work):  # out: work
+def _hit_cushion(i, wall, key, fix, scene, work):  # out: work
     """Reflects ball i at a cushion that it overlaps and does not leave, and at another one that it then touches.
 
     `key` is the `scatter_key` of the impact.
@@ -151,7 +142,7 @@ def _hit_cushion(i, wall, key, scene, work):  # out: work
         (wall, other, speed, other_speed): the cushions that act, -1 for none, and the speeds of approach, m/s. The
         first speed is 0 if the ball was only moved back, and -1 if nothing happened.
     """
-    state, here, numbers, radius = work.state, work.here, scene.numbers, scene.radius[i]
+    state, here, radius = work.state, work.here, scene.radius[i]
     beyond, nx, ny = scene.walls.overlap(here[i, X], here[i, Y], radius, wall, scene)
     speed = nx * here[i, VX] + ny * here[i, VY]
     if beyond <= 0.0 or speed < 0.0:
@@ -160,7 +151,7 @@ def _hit_cushion(i, wall, key, scene, work):  # out: work
         wall = _first_overlap(i, wall, scene, work)
         beyond, nx, ny = scene.walls.overlap(here[i, X], here[i, Y], radius, wall, scene)
         speed = nx * here[i, VX] + ny * here[i, VY]
-    nx, ny, speed = fix_at_cushion(numbers.fix, i, wall, beyond, Bounce(nx, ny, speed), scene, work)
+    nx, ny, speed = fix.at_cushion(i, wall, beyond, Bounce(nx, ny, speed), scene, work)
     other, other_speed = -1, 0.0
     if speed > 0.0:
         one, two = scene.walls.met(state, i, wall, scene)
@@ -172,15 +163,15 @@ def _hit_cushion(i, wall, key, scene, work):  # out: work
         else:
             mx, my = scene.walls.normal(state.rows[i, X], state.rows[i, Y], other, scene)
             other_speed = mx * here[i, VX] + my * here[i, VY]
-            fix_in_corner(numbers.fix, i, other, (nx, ny), (mx, my), scene, work)
+            fix.in_corner(i, other, (nx, ny), (mx, my), scene, work)
             reflect_both(state, i, (nx, ny), (mx, my), (0.0, 0.0), scene)
         here[i, VX], here[i, VY] = state.rows[i, VX], state.rows[i, VY]
-    fix_after_cushion(numbers.fix, i, scene, work)
+    fix.after_cushion(i, scene, work)
     return wall, other, speed, other_speed
 
 
 @inlined
-def hit_cushions(i, now, k, scene, work, shots, log):  # out: work, shots, log
+def hit_cushions(i, now, k, fix, scene, work, shots, log):  # out: work, shots, log
     """Implements `Space.hit_cushions`: reflects ball i, or moves it back if it has stopped."""
     state, here, box, radius, has_rebound = work.state, work.here, scene.outline.box, scene.radius[i], False
     if abs(here[i, X]) <= box[X] - radius and abs(here[i, Y]) <= box[Y] - radius:
@@ -192,7 +183,7 @@ def hit_cushions(i, now, k, scene, work, shots, log):  # out: work, shots, log
             continue
         advance(state, i, now, scene.numbers)
         key = scatter_key(scene.scatter, k, i, shots.cushions[k, i])
-        wall, other, speed, other_speed = _hit_cushion(i, wall, key, scene, work)
+        wall, other, speed, other_speed = _hit_cushion(i, wall, key, fix, scene, work)
         work.changed[i] = has_rebound = True
         if speed >= 0.0:
             shots.time[k] = now.hi
@@ -201,10 +192,10 @@ def hit_cushions(i, now, k, scene, work, shots, log):  # out: work, shots, log
                 shots.cushions[k, i] += 1
                 record_event((BALL_CUSHION, i, hit, at_speed), now, k, state, shots, log)
     if phase_of(ball_of(state.rows[i]), scene.numbers) < ROLLING:  # it has stopped, so this is its last test
-        if fix_at_rest(scene.numbers.fix, i, scene, work):
+        if fix.at_rest(i, scene, work):
             advance(state, i, now, scene.numbers)
             work.changed[i] = has_rebound = True
             shots.time[k] = now.hi
         if work.changed[i]:
-            test_pockets(i, now, k, scene, work, shots, log)
+            test_pockets(i, now, k, fix, scene, work, shots, log)
     return has_rebound

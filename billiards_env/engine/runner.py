@@ -29,15 +29,16 @@ def for_all_shots(run: Any) -> Any:
     def run_all(ks, kernels, scene, work, limit, max_events, shots, log):  # out: work, shots, log
         """Runs the shots of the range `ks`. Returns whether it was interrupted.
 
-        `scene`, `shots` and `log` are the fields of `SceneArrays`, `Shots` and `Log`, as plain tuples.
+        `kernels` are those of the engine. `scene`, `shots` and `log` are the fields of `SceneArrays`, `Shots` and
+        `Log`, as plain tuples.
         """
         shots, log = Shots(*shots), Log(*log)
         pending = 0
         for k in ks:
-            arrays = scene_of(kernels, scene, k)
+            arrays = scene_of(kernels.scene, scene, k)
             load_shot(k, shots, arrays, work.state)
             work.record(START, -1, -1, k, arrays, work.state, shots)
-            spent = run(k, arrays, work, limit, max_events, shots, log)
+            spent = run(k, kernels, arrays, work, limit, max_events, shots, log)
             if spent == INTERRUPTED:
                 return True
             work.record(END, -1, -1, k, arrays, work.state, shots)

@@ -121,19 +121,22 @@ def arrays_in(memory: NDArray[np.uint8], kind: np.dtype[np.void]) -> list[NDArra
 
 
 @functools.lru_cache(maxsize=64)
-def row_type(n: int, flight: bool = False, measures: tuple[str, ...] = ()) -> np.dtype[np.void]:
-    """Returns the type of a row of `Shots` of n balls. The fields that are None in `Shots` do not exist."""
+def row_type(n: int, flight: bool = False, measures: np.dtype[np.void] | None = None) -> np.dtype[np.void]:
+    """Returns the type of a row of `Shots` of n balls. The fields that are None in `Shots` do not exist.
+
+    `measures` is the result of `measures_type`.
+    """
     whole, flags = ("i4", (n,)), ("?", (n,))
     start = (("f8", (n, 2)), ("f8", (n, 2)), ("f8", (n, 3)), flags, "i8", ("f8", (n, 2)))
-    kinds = (*start, "f8", whole, whole, "i8", "i8", "i8", "i8", whole, whole, flags, "f8", measures_type(measures, n))
-    missing = {"heights": not flight, "measures": not measures}
+    kinds = (*start, "f8", whole, whole, "i8", "i8", "i8", "i8", whole, whole, flags, "f8", measures)
+    missing = {"heights": not flight, "measures": measures is None}
     fields = [field for field in zip(Shots._fields, kinds, strict=True) if not missing.get(field[0])]
     return np.dtype(fields, align=True)
 
 
 def empty_shots(m: int, n: int, flight: bool = False, measures: tuple[str, ...] = ()) -> Shots:
     """Returns `Shots` for m shots of n balls. Ball 0 is the cue ball; the content of the other arrays is undefined."""
-    kind = row_type(n, flight, measures)
+    kind = row_type(n, flight, measures_type(measures, n))
     arrays: list[Any] = arrays_in(np.empty(m * kind.itemsize, np.uint8), kind)
     if not flight:
         arrays.insert(Shots._fields.index("heights"), None)

@@ -21,7 +21,8 @@ class Space(NamedTuple):
     A normal is a unit vector from ball i to ball j, with as many components as there are axes. The argument p
     of `slip` and `push` is an impulse along the normal. If there are two axes, p is its horizontal part, because
     the table takes up the vertical part. Names: `scene` is the `SceneArrays`, `state` the `State`, `row` a row
-    of it, `now` a `Time`, k a shot, c a contact of `contacts`, `work` the workspace of the engine.
+    of it, `now` a `Time`, k a shot, c a contact of `contacts`, `work` the workspace of the engine,
+    `fix` the `overlaps.FixKernels` of PIT.
 
     Attributes:
         axes: (). Returns the number of components of a velocity, 2 or 3.
@@ -61,15 +62,15 @@ class Space(NamedTuple):
 
         follow: (i, t, numbers, work). PIT: computes the motion of ball i in `here`, t seconds after its own time.
         predict_phase_end: (i, work). PIT: computes the time at which the phase of ball i ends between timesteps.
-        test_pockets: (i, now, k, scene, work, shots, log). PIT: resolves an event of ball i alone since the last
-            timestep, except at cushions. Returns whether there was one.
+        test_pockets: (i, now, k, fix, scene, work, shots, log). PIT: resolves an event of ball i alone since the
+            last timestep, except at cushions. Returns whether there was one.
         overlap: (i, j, here, scene). PIT: returns the normal of two balls and the speed of approach, m/s, which is
             negative if they separate or do not overlap.
         distance: (i, j, here). PIT: returns the distance of two centres, m.
         shift: (i, way, work). PIT: moves ball i by a vector, m.
-        resolve_overlaps: (count, now, k, scene, work, shots, log). PIT: resolves and records the impacts of the first
-            `count` contacts. Returns the number of impacts.
-        hit_cushions: (i, now, k, scene, work, shots, log). PIT: reflects ball i at the cushions that it overlaps.
+        resolve_overlaps: (count, now, k, fix, scene, work, shots, log). PIT: resolves and records the impacts of the
+            first `count` contacts. Returns the number of impacts.
+        hit_cushions: (i, now, k, fix, scene, work, shots, log). PIT: reflects ball i at the cushions that it overlaps.
             Returns whether it overlaps one.
     """
 

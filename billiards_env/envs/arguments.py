@@ -29,6 +29,7 @@ from billiards_env.support.checks import (
     array_of,
     entry_of,
     flag,
+    import_module_of,
     integer,
     key_of,
     numbers,
@@ -227,7 +228,10 @@ def make_model(
 def _asked(of_task: tuple[str, ...], observe: Any) -> tuple[str, ...]:
     """Returns the measures of a task, and those among the features of the observation."""
     asked = *of_task, *(observe if isinstance(observe, (list, tuple)) else ())
-    return tuple(name for name in MEASURES if name in asked)
+    names = [name for name in asked if isinstance(name, str)]
+    for name in names:
+        import_module_of("observe", name)
+    return tuple(name for name in MEASURES if name in map(short_name, names))
 
 
 def _used(given: Mapping[str, Any], model: Model) -> dict[str, Any]:

@@ -52,7 +52,8 @@ def info_arrays(state: State, has_cue: bool, has_choices: bool) -> tuple[InfoArr
     if has_cue:
         numbers["miscue"] = state.miscues
     of_shots = {"played_action": state.actions, "cushions": state.cushions, "potted": state.potted}
-    of_shots |= {name: state.measures[name] for name in state.model.measures}
+    for name in state.model.measures:
+        (numbers if state.measures[name].ndim == 1 else of_shots)[name] = state.measures[name]
     of_episode: dict[str, NDArray[Any]] = {"episode_seed": state.episode_seed.view(np.int64)}
     if has_choices:
         of_episode["action_mask"] = state.mask

@@ -29,7 +29,7 @@ from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.goal_observations import ACHIEVED, DESIRED, write_achieved, write_desired
 from billiards_env.envs.tasks import task_of
 from billiards_env.games.game_state import ANYWHERE, BEHIND, CALLS, PUSH_OUT
-from billiards_env.jit import Typed, entry_point, inlined
+from billiards_env.jit import Typed, check_kernel, entry_point, inlined
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import distance_to_segment
 from billiards_env.physics.state import CUE_BALL, X, Y
@@ -472,6 +472,23 @@ def register_feature(name: str, feature: Feature) -> None:
     reads = 3 if isinstance(feature, Feature) and feature.is_image else 1  # an image has a height and a width
     least = Range(float(np.finfo(np.float32).min), 1.0)
     add_entry("feature", name, feature, FEATURES, Feature, {"low": least}, reads=reads)
+
+
+def register_measure(name: str, measure: Measure) -> None:
+    """Adds a measure of another package to `engine.measures.MEASURES`, and its feature to `FEATURES`.
+
+    The errors are those of `checks.add_entry`.
+
+    Raises:
+        TypeError: Also if `record` is not a kernel.
+        ValueError: Also if a feature that is no measure has the name.
+    """
+    if isinstance(measure, Measure):
+        check_kernel(f"record of measure {name!r} = {short(measure.record)}", measure.record)
+    if name in FEATURES and name not in MEASURES:
+        raise ValueError(f"name = {name!r}: expected a name that no feature has")
+    add_entry("measure", name, measure, MEASURES, Measure, record=7, largest=2)
+    FEATURES[name] = feature_of(name, measure)
 
 
 ROW = "observation"

@@ -96,7 +96,7 @@ def saved_type(model: Model) -> np.dtype[np.void]:
         *("u8", ("u8", 4), ("u8", 4), ("u8", 8), ("f8", (n, 2)), ("f8", (1 if model.goal_radius else 0, 2))),
         *(("f8", (len(model.randomize),)), ("f8", (n if replaces else 0, 2))),
         *(game if is_game else (game, (0,)), game if replaces else (game, (0,))),
-        *(measures_type(model.measures, n) if model.measures else ("f8", (0,)), "i8", "i8"),
+        *(measures_type(model.measures, n) or ("f8", (0,)), "i8", "i8"),
         *(("?", (n,)), ("?", (n if is_game else 0,))),
         *("?", "?", "?", "?", ("S", max(24, len(short_name(model.task))))),
     )

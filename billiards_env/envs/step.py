@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, ShotInput, Shots, typed_run
 from billiards_env.engine.frozen_strike import strike_frozen
+from billiards_env.engine.measures import recorder
 from billiards_env.engine.shots import start_fields
 from billiards_env.envs.actions import (
     SIDE,
@@ -119,7 +120,11 @@ def is_going_on(state: State) -> Bools:
 
 
 def conversion(model: Model, converter: Any, shooting: Callable[[State], Bools]) -> Callable[..., Floats]:
-    """Returns the part that makes strokes of actions with a converter, in the episodes with a shot."""
+    """Returns the part that makes strokes of actions with a converter, in the episodes with a shot.
+
+    Strokes are fractions of the largest speed, as noise, `played_action` and the strokes of games are. The part divides
+    the velocities by this speed, and `start_shots` multiplies by it.
+    """
 
     def convert(state: State, begin: int, end: int, actions: NDArray[Any]) -> Floats:
         rows = begin + np.flatnonzero(shooting(state)[begin:end])
@@ -234,7 +239,7 @@ def drive_frozen(state: State, begin: int, end: int, strokes: Floats) -> None:
 
 def engine_run(model: Model) -> Callable[..., None]:
     """Returns the part that runs the shots."""
-    run_shots = typed_run(model.scene, model.engine, model.scatter is not None, model.measures)
+    run_shots = typed_run(model.scene, model.engine, model.scatter is not None, recorder(model.measures))
     limit = time_limit(model)
 
     def run(state: State, begin: int, end: int, strokes: Floats) -> None:

@@ -116,7 +116,6 @@ class EngineNumbers(NamedTuple):
         weak_speed: Largest speed of approach of an impact on which this rule acts, m/s.
         longest_run: Number of impacts at one place and instant after which a ball comes to rest.
         dt: Timestep of PIT, s.
-        fix: Index into `engine.overlaps.FIXES`.
     """
 
     motion: int
@@ -128,7 +127,6 @@ class EngineNumbers(NamedTuple):
     weak_speed: float
     longest_run: float
     dt: float
-    fix: int
 
 
 _NUMBERS = LAW_NUMBERS + FLIGHT_NUMBERS

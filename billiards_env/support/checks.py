@@ -252,19 +252,24 @@ def key_of(what: str, value: Any, table: Mapping[str, Any]) -> str:
         >>> key_of("task", "billiards_env.envs:pot", {"pot": 1}), key_of("task", "pot", {"pot": 1})
         ('pot', 'pot')
     """
+    import_module_of(what, value)
     module, colon, key = value.rpartition(":") if isinstance(value, str) else ("", "", value)
     if not colon:
         one_of(what, key, tuple(table))
-        return key
-    try:
-        importlib.import_module(module)
-    except (Exception, SystemExit) as error:  # the code of the module may raise any
-        why = f"{type(error).__name__}: {error}"
-        raise ValueError(f"{what} = {short(value)}: expected a module that can be imported ({why})") from error
-    if key not in table:
+    elif key not in table:
         expected = f"a name that {module!r} registers{suggestion(key, tuple(table))}"
         raise ValueError(f"{what} = {short(value)}: expected {expected}")
     return key
+
+
+def import_module_of(what: str, value: Any) -> None:
+    """Imports the module of a name "module:key"; the arguments and errors are those of `key_of`."""
+    if isinstance(value, str) and ":" in value:
+        try:
+            importlib.import_module(value.rpartition(":")[0])
+        except (Exception, SystemExit) as error:  # the code of the module may raise any
+            why = f"{type(error).__name__}: {error}"
+            raise ValueError(f"{what} = {short(value)}: expected a module that can be imported ({why})") from error
 
 
 def entry_of(what: str, value: Any, table: Mapping[str, T]) -> T:

@@ -47,7 +47,7 @@ from billiards_env.engine import compile as compiling
 from billiards_env.engine import frozen_strike, pic, pit, strikes
 from billiards_env.engine.compile import PIC, scene_fields, scene_kernels
 from billiards_env.engine.log import KINDS, empty_log
-from billiards_env.engine.overlaps import FIXES
+from billiards_env.engine.overlaps import FIXES, TREATMENTS
 from billiards_env.engine.shot_input import is_valid_fast
 from billiards_env.engine.shots import STATUS, empty_shots, start_fields
 from billiards_env.jit.code_hash import code_hash
@@ -97,10 +97,11 @@ def entry_points() -> list[tuple[str, Any, tuple[Any, ...]]]:
         scene = Scene.named(kind, 1)
         shots, log = tuple(empty_shots(1, scene.n_balls)), tuple(empty_log(1, 1))
         kernels, fields, starts = scene_kernels(scene), scene_fields(scene), start_fields(shots)
-        run, loop = (0, 1, fields, math.inf, 1, shots, log), pic.PicKernels(kernels, pic.ALL_PAIRS)
+        run = 0, 1, fields, math.inf, 1, shots, log
+        calls.append((f"pic_{kind}", pic.run_shots, (pic.PicKernels(kernels, pic.ALL_PAIRS), *run)))
         calls += [
-            (f"pic_{kind}", pic.run_shots, (loop, *run)),
-            (f"pit_{kind}", pit.run_shots, (pit.PitKernels(kernels), *run)),
+            (f"pit_{kind}_{name}", pit.run_shots, (pit.PitKernels(kernels, fix.kernels), *run))
+            for name, fix in TREATMENTS.items()
         ]
         calls.append((f"valid_{kind}", is_valid_fast, (kernels, 0, 1, fields, starts)))
         calls.append((f"drive_{kind}", frozen_strike._drive, (kernels, 0, 1, 0, cue, fields, starts)))

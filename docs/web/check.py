@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from benchmarks import machine, ratio, rows_table, run_command
 from billiards_env.engine.compile import Engine
 from billiards_env.engine.log import KINDS
+from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.shots import STATUS
 from billiards_env.scene import Scene, layouts
 from billiards_env.shots.simulation import simulate
@@ -70,7 +71,7 @@ def random_shots(name: str, case: str, count: int, rng: np.random.Generator) -> 
         if scene.physics.motion == "sliding":
             shot["spins"] = rng.uniform(-60, 60, 3).tolist()
         if case == "timestep":
-            shot |= {"mode": "pit", "dt": 1 / float(rng.choice([15, 30, 60, 240, 960]))}
+            shot |= {"mode": "pit", "dt": 1 / float(rng.choice([15, 30, 60, 240, 960])), "fix": str(rng.choice(FIXES))}
         shots.append(shot)
     return shots
 
@@ -93,7 +94,7 @@ def python_bits(shot: dict[str, Any]) -> Floats:
 
 
 def _parts(shot: dict[str, Any]) -> tuple[str, list[Any], list[float], dict[str, Any]]:
-    engine = Engine(shot.get("mode", "pic"), shot.get("dt"))
+    engine = Engine(shot.get("mode", "pic"), shot.get("dt"), shot.get("fix"))
     return shot["scene"], shot["positions"], shot["velocities"], {"engine": engine, "spins": shot.get("spins")}
 
 

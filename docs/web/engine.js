@@ -223,7 +223,7 @@ class Engine {
     if (!this.isValid(scene, positions, moving, start)) {
       throw new RangeError("positions: expected balls that lie on the table, outside the pockets and apart; a ball of infinite mass rests");
     }
-    const changes = { ...numbers, ...(mode === "pit" ? { dt, fix: fixes.indexOf(fix ?? fixes[0]) } : {}) };
+    const changes = { ...numbers, ...(mode === "pit" ? { dt } : {}) }, suffix = mode === "pit" ? `_${fix ?? fixes[0]}` : "";
     for (let room = 256; ; room *= 4) {
       const out = (type, ...shape) => new Argument(type, shape);
       const starts = this.starts(scene, positions, moving, start), used = new Argument("i8", [3], [0n, 0n, 0n]);
@@ -233,7 +233,7 @@ class Engine {
       const limit = maxTime ?? max_time ?? Infinity;
       reset(this.exports);
       if (struck) call(this.exports, `drive_${kind}`, [kernels[0], 0n, 1n, 0n, cue, this.fields(scene, n, numbers), starts]);
-      call(this.exports, `${mode}_${kind}`, [mode === "pic" ? kernels : [kernels[0], []], 0n, 1n, this.fields(scene, n, changes), limit, BigInt(maxEvents), starts, [...results, null], log]);  // no measures
+      call(this.exports, `${mode}_${kind}${suffix}`, [mode === "pic" ? kernels : kernels.slice(0, 1), 0n, 1n, this.fields(scene, n, changes), limit, BigInt(maxEvents), starts, [...results, null], log]);  // no measures
       const [nEvents, nSegments] = [...used.read()].map(Number);
       if (nEvents > room || nSegments > 4 * room) continue;  // the log was too small: the shot runs again
       const [balls, speeds, turns, playing] = starts.slice(0, 4).map(array => array.read());

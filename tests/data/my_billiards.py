@@ -1,4 +1,4 @@
-"""A package with a task, a feature, an action, a layout, a scene, a game and a player of its own."""
+"""A package with a task, a feature, a measure, an action, a layout, a scene, a game and a player of its own."""
 
 import math
 from typing import NamedTuple
@@ -11,10 +11,12 @@ from billiards_env import (
     register_feature,
     register_game,
     register_layout,
+    register_measure,
     register_player,
     register_scene,
     register_task,
 )
+from billiards_env.engine.measures import AFTER_IMPACT, START, Measure
 from billiards_env.envs.actions import Action
 from billiards_env.envs.observations import Feature
 from billiards_env.envs.tasks import Task
@@ -58,6 +60,20 @@ register_feature(
         write_from_centre,
         lambda source: (source.arrays.positions, float(np.hypot(*source.scene.half_extents))),
     ),
+)
+
+
+@inlined
+def record_impacts(moment, i, j, k, scene, state, shots):
+    """Counts the impacts of balls."""
+    if moment == START:
+        shots.measures[k].impacts = 0.0
+    elif moment == AFTER_IMPACT:
+        shots.measures[k].impacts += 1.0
+
+
+register_measure(
+    "impacts", Measure("the number of impacts of balls", (), record_impacts, lambda scene, max_speed: 100.0)
 )
 
 

@@ -26,7 +26,9 @@ def run(queue, shots, record=False, max_time=None, max_events=MAX_EVENTS, dt=Non
     if queue is PLAIN:
         kernels = plain.with_plain_walls(kernels)
     run_shots, kernels = (
-        (pic.run_shots, pic.PicKernels(kernels, queue)) if dt is None else (pit.run_shots, pit.PitKernels(kernels))
+        (pic.run_shots, pic.PicKernels(kernels, queue))
+        if dt is None
+        else (pit.run_shots, pit.PitKernels(kernels, engine.treatment.kernels))
     )
     run_shots(kernels, 0, len(shots.time), fields, limit, max_events, tuple(shots), tuple(log))
     return [*shots, *log]
