@@ -5,8 +5,9 @@ Other processors are emulated by qemu. The parts are:
 * aarch64: the same Python program. Numba compiles on this machine for aarch64, which takes a twentieth of the time.
 * kernels: the compiled functions alone, for 32-bit arm, powerpc64le, riscv64 and the big-endian s390x. The control is
   aarch64 where LLVM may fuse a product and a sum. It must have other bits.
-* settings: numba without the vector extensions of this CPU, without optimisation and with the strongest one.
-* numba: the oldest and the newest version of numba that `pyproject.toml` allows, in virtual environments.
+* settings: numba without the vector extensions of this CPU, and without optimisation (`NUMBA_OPT` is 3 elsewhere).
+* numba: the oldest and the newest version of numba that `pyproject.toml` allows, in virtual environments; not the
+  newest if this process has it.
 * web: WebAssembly in a browser, see `docs.web.check`.
 
 What is done is kept in `build/machines`, until the code changes; the same command continues. Needs Linux on x86-64, and
@@ -22,10 +23,9 @@ import re
 import shutil
 import subprocess
 import sys
-import threading
 import venv
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -48,7 +48,7 @@ DEBIAN = {"3.11": "bookworm", "3.13": "trixie"}
 """The release of Debian with the version of Python of this process: the bytecode must be the same."""
 
 GENERIC = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
-SETTINGS = {"generic CPU": GENERIC, "NUMBA_OPT=0": {"NUMBA_OPT": "0"}, "NUMBA_OPT=3": {"NUMBA_OPT": "3"}}
+SETTINGS = {"generic CPU": GENERIC, "NUMBA_OPT=0": {"NUMBA_OPT": "0"}}
 FEW = *IDS, "Jump-v0", "timestep push_apart"
 """The work of the parts settings and numba."""
 
@@ -80,31 +80,31 @@ def run(log: Path, *command: str | Path, **environment: str) -> str:
 
 
 def work(folder: Path, machine: str, names: list[str], *python: str | Path, cache: str = "", **environment: str) -> Row:
-    """Does some work with another Python or other variables, and compares it with that of this process."""
+    """Does some work with another Python or other variables."""
     path, code = folder / f"{machine} results", folder / f"code {cache or machine}"
     code.mkdir(exist_ok=True)
     environment |= {"NUMBA_CACHE_DIR": str(code), "BILLIARDS_ENV_COMPILE": "1"}
     command = *(python or [sys.executable]), "-m", "benchmarks.machines.work", path, *names
     run(folder / f"{machine}.log", *command, **environment)
-    return compared(machine, path, json.loads((folder / "record.json").read_text(encoding="utf-8"))["results"])
+    return {"machine": machine, "results": json.loads(path.read_text(encoding="utf-8"))}
 
 
-def compared(machine: str, path: Path, expected: dict[str, Any]) -> Row:
-    """Returns the row for a file of results, and the names of those with other bits."""
-    results = json.loads(path.read_text(encoding="utf-8"))
+def compared(row: Row, expected: dict[str, Any]) -> Row:
+    """Returns the row for some results, with the names of those with other bits."""
+    results = row["results"]
     ids, count = sum(name in HASHES for name in results), sum(count for _, count in results.values())
     other = [name for name, (bits, _) in results.items() if bits != expected.get(name, [bits])[0]]
     text = f"{count:,} results (frozen ids: {ids}, other work: {len(results) - ids})"
-    return {"machine": machine, "compared": text, "other": len(other), "names": other, "results": results}
+    return row | {"compared": text, "other": len(other), "names": other}
 
 
 def record(folder: Path, names: list[str]) -> Row:
-    """Does the work in a process of its own, records all calls, and compares with the published hashes."""
+    """Does the work in a process of its own, and records all calls."""
     (folder / "record results").unlink(missing_ok=True)
     text = run(folder / "record.log", sys.executable, "-m", "benchmarks.machines.record", "record", folder, *names)
-    published = {name: [bits] for name, bits in HASHES.items()}
-    row = compared(f"x86-64, numba {version('numba')}", folder / "record results", published)
-    return row | {"left_out": json.loads(text.splitlines()[-1])}
+    results = json.loads((folder / "record results").read_text(encoding="utf-8"))
+    machine = f"x86-64, {'newest ' if has_newest() else ''}numba, {version('numba')}, NUMBA_OPT=3"
+    return {"machine": machine, "results": results, "left_out": json.loads(text.splitlines()[-1])}
 
 
 def cross(folder: Path, names: list[str]) -> Row:
@@ -152,13 +152,24 @@ def kernels(folder: Path, name: str) -> Row:
     return {"machine": machine, "compared": calls, "other": result["other_calls"]}
 
 
+def numba_range() -> tuple[str, str]:
+    """Returns the oldest version of numba that `pyproject.toml` allows, and the oldest one after the newest."""
+    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    return re.findall(r'"numba>=([\d.]+),<([\d.]+)"', text)[0]
+
+
+def has_newest() -> bool:
+    """Returns whether this process has a release of the newest numba that `pyproject.toml` allows."""
+    major, minor, *_ = map(int, version("numba").split("."))
+    return f"{major}.{minor + 1}" == numba_range()[1]
+
+
 def with_numba(folder: Path, name: str, names: list[str]) -> Row:
     """Does some work with the oldest or the newest version of numba that `pyproject.toml` allows."""
-    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    oldest, newest = re.findall(r'"numba>=([\d.]+),(<[\d.]+)"', text)[0]
+    oldest, newest = numba_range()
     python, log = HOME / f"numba {name}" / "bin" / "python", folder / f"{name} pip.log"
     venv.create(HOME / f"numba {name}", with_pip=True)
-    wanted = f"numba=={oldest}" if name == "oldest" else f"numba{newest}"
+    wanted = f"numba=={oldest}" if name == "oldest" else f"numba<{newest}"
     run(log, python, "-m", "pip", "install", wanted, "gymnasium>=1.1,<2", "tqdm")
     number = run(log, python, "-c", "import numba; print(numba.__version__)").strip()
     return work(folder, f"x86-64, {name} numba, {number}", names, python)
@@ -187,9 +198,9 @@ def steps_of(names: list[str]) -> dict[str, Step]:
     }
     for name, variables in SETTINGS.items():
         setting = partial(work, machine=f"x86-64, {name}", names=few, **variables)
-        steps[name] = Step("settings", ("record",), setting)
-    for name in ("oldest", "newest"):
-        steps[name] = Step("numba", ("record",), partial(with_numba, name=name, names=few))
+        steps[name] = Step("settings", (), setting)
+    for name in ("oldest",) if has_newest() else ("oldest", "newest"):
+        steps[name] = Step("numba", (), partial(with_numba, name=name, names=few))
     return steps | {"web": Step("web", (), in_browser)}
 
 
@@ -219,27 +230,42 @@ def measure(parts: str, only: str, workers: int, job: Job) -> dict[str, Any]:
     needed = {"record"} | {name for name, step in steps.items() if step.part in chosen}
     for name in reversed(steps):
         needed |= {*steps[name].needs} if name in needed else set()
-    slots, done, rows = threading.Semaphore(workers), dict[str, Future[Row]](), []
-    with ThreadPoolExecutor(len(steps)) as pool:
-        for name in (name for name in steps if name in needed):
-            done[name] = pool.submit(do, name, steps[name], folder, done, slots)
-        for name, future in done.items():
-            with job(name):
-                rows += [{k: row[k] for k in ("machine", "compared", "other")} for row in [future.result()] if row]
+    done, rows = do_all({name: step for name, step in steps.items() if name in needed}, folder, workers), []
+    published = {name: [bits] for name, bits in HASHES.items()}
+    for name in (name for name in steps if name in needed):
+        with job(name):
+            row = done[name].result()
+            if "results" in row:
+                row = compared(row, published if name == "record" else done["record"].result()["results"])
+            rows += [{k: row[k] for k in ("machine", "compared", "other")}] if row else []
     return {"machine": on, "rows": rows, "left_out": done["record"].result()["left_out"]} if rows else {}
 
 
-def do(name: str, step: Step, folder: Path, done: dict[str, Future[Row]], slots: threading.Semaphore) -> Row:
-    """Returns the row of a step from its file, or does it after those that it needs."""
+def do_all(steps: dict[str, Step], folder: Path, workers: int) -> dict[str, Future[Row]]:
+    """Does steps, `workers` at a time. The first ones begin first, each after those that it needs."""
+    done: dict[str, Future[Row]] = {}
+    with ThreadPoolExecutor(workers) as pool:
+        while len(done) < len(steps):
+            running = [future for future in done.values() if not future.done()]
+            ended = {name for name, future in done.items() if future.done()}
+            ready = [name for name, step in steps.items() if name not in done and ended.issuperset(step.needs)]
+            if ready and len(running) < workers:
+                done[ready[0]] = pool.submit(do, ready[0], steps[ready[0]], folder, done)
+            else:
+                wait(running, return_when=FIRST_COMPLETED)
+    return done
+
+
+def do(name: str, step: Step, folder: Path, done: dict[str, Future[Row]]) -> Row:
+    """Returns the row of a step from its file, or does it. It fails if one that it needs failed."""
     for need in step.needs:
         done[need].result()
     path = folder / f"{name}.json"
     if not path.exists():
-        with slots:
-            begin = perf_counter()
-            print(f"{name} ...", flush=True)
-            write_json(path, step.run(folder))
-            print(f"{name}: {perf_counter() - begin:.0f} s", flush=True)
+        begin = perf_counter()
+        print(f"{name} ...", flush=True)
+        write_json(path, step.run(folder))
+        print(f"{name}: {perf_counter() - begin:.0f} s", flush=True)
     return json.loads(path.read_text(encoding="utf-8"))
 
 

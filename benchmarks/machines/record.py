@@ -37,7 +37,7 @@ _COUNTING = re.compile(
 
 
 class Call(NamedTuple):
-    """A call of a compiled function. Equal arrays of all calls are one object; kernels, which have no data, are None.
+    """A call of a compiled function. Equal arrays of all calls are one object; kernels, which have no data, are ().
 
     Attributes:
         name: The function.
@@ -72,7 +72,7 @@ class Calls:
             return self.arrays.setdefault((array.tobytes(), str(array.dtype), array.shape), array.copy())
         if isinstance(value, (tuple, list)):
             return tuple(map(self.copied, value))
-        return None if isinstance(value, Kernel) else value
+        return () if isinstance(value, Kernel) else value
 
     def record(self, name: str, number: int, code: Callable[..., Any], *arguments: Any) -> Any:
         """Calls `code` and stores the call."""

@@ -54,7 +54,7 @@ HASHES = {
     "OnePocketGame-v0": "77d42edc24e89aa0",
     "BankPoolGame-v0": "abfa64c6c12547a3",
     "BlackballGame-v0": "b323fe86b0ad6e3a",
-    "SnookerGame-v2": "03bf176aaff4e96c",
+    "SnookerGame-v2": "464093190e4eeac5",
     "CaromGame-v1": "f2a72b9920198bd4",
     "ThreeCushionGame-v1": "bc70f7f33b7d6b4b",
 }

@@ -4,6 +4,7 @@ import json
 import shutil
 import struct
 import subprocess
+import threading
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 from benchmarks.machines import __main__ as machines
 from benchmarks.machines import blocks, record, replay, work
 from billiards_env.bench.published import HASHES
-from billiards_env.support.files import write_json
+from billiards_env.jit import kernel
 
 ENTRIES = """
 #include <stdint.h>
@@ -28,6 +29,11 @@ static int twice(void *slots, void *out, void *error) {
 }
 int (*const entries[])(void *, void *, void *) = {twice};
 """
+
+
+@kernel
+def same(x):
+    return x
 
 
 def twice(numbers, factor, nothing):
@@ -57,6 +63,32 @@ def test_recorded_calls_are_answered():
     calls.answer("twice", 7, twice, array, 4, None)
     result = calls.answer("other", -1, twice, (np.arange(3),))
     assert (result[0].tolist(), result[1]) == ([1, 2, 3], (2.0, None))
+
+
+def test_a_kernel_is_no_argument_of_compiled_code():
+    """The words of kernels once moved the words of all later arguments, so the compared functions did nothing."""
+    calls = record.Calls()
+    calls.record("f", 7, lambda *_: None, (same, (None,)), 3)
+    ((_, _, arguments, _),) = rows_of(calls.calls)
+    assert arguments == [(2, 0), (0, 3)]
+
+
+def test_steps_begin_in_order_when_what_they_need_is_done(tmp_path):
+    names, barrier = [], threading.Barrier(2)
+
+    def step(name, needs, together):
+        return machines.Step("", needs, lambda _: {"name": names.append(name), "at": together and barrier.wait(5)})
+
+    steps = {"a": step("a", (), True), "b": step("b", ("a",), False), "c": step("c", (), True)}
+    assert list(machines.do_all(steps, tmp_path, 2)) == ["a", "c", "b"]
+    assert names[2] == "b"
+
+
+def test_a_step_fails_if_what_it_needs_failed(tmp_path):
+    steps = {"a": machines.Step("", (), lambda _: {"a": 1 // 0}), "b": machines.Step("", ("a",), lambda _: {})}
+    done = machines.do_all(steps, tmp_path, 1)
+    with pytest.raises(ZeroDivisionError):
+        done["b"].result()
 
 
 def test_an_error_of_a_call_is_raised_again_and_the_call_is_not_packed():
@@ -155,9 +187,9 @@ def test_other_bits_and_a_control_that_finds_nothing_are_errors(step, runs, tmp_
         machines.main(["--parts", "aarch64,kernels", "--output", str(tmp_path / "rows.json")])
 
 
-def test_results_are_compared_by_name(tmp_path):
-    write_json(tmp_path / "results", {"Pot1-v0": ["a", 100], "pots": ["b", 7]})
-    row = machines.compared("here", tmp_path / "results", {"Pot1-v0": ["a", 100], "pots": ["c", 7]})
+def test_results_are_compared_by_name():
+    row = {"machine": "here", "results": {"Pot1-v0": ["a", 100], "pots": ["b", 7]}}
+    row = machines.compared(row, {"Pot1-v0": ["a", 100], "pots": ["c", 7]})
     assert (row["other"], row["names"]) == (1, ["pots"])
     assert row["compared"] == "107 results (frozen ids: 1, other work: 1)"
 

@@ -1,10 +1,12 @@
 import math
 
+import mpmath
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.reference.oracle import mathavan as reference
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.physics.ball_cushion import reflect_both
 from billiards_env.physics.laws.cushion import CushionMotion, cushion_restitution
@@ -422,6 +424,28 @@ def test_a_mathavan_cushion_is_smooth():
         after = np.array([follow_impact(tuple((before * change).tolist()), nose, 0.95)[0] for change in changes])
         rest = after - powers @ np.linalg.lstsq(powers, after, rcond=None)[0]
         assert np.abs(rest).max() < 1e-13 * np.abs(before).max()
+
+
+def test_an_impact_has_few_steps():
+    """Impacts of rolling balls once had 11 steps on average, because both slips always set the pace of the series."""
+    nose, steps = CushionNose(0.4, math.sqrt(1 - 0.16), 0.14, 0.212), []
+    for angle in np.linspace(-1.4, 1.4, 57):
+        vx, vy = math.sin(angle), math.cos(angle)
+        steps.append(follow_impact((vx, vy, -vy, vx, 0.0), nose, 0.9)[2])
+    assert np.mean(steps) < 8
+    assert max(steps) < 30
+
+
+def test_a_small_slip_that_turns_costs_no_digits():
+    """With a series paced by the slip at the cushion alone, the error was 2.9e-13 of the normal velocity."""
+    before = (0.0010521511264802465, 0.054378014477195084, 0.0, 0.0, 0.9729380070646784)
+    nose, e = CushionNose(0.4, math.sqrt(1 - 0.16), 0.14, 0.212), 0.8566430193923378
+    with mpmath.workdps(30):
+        numbers = reference.Nose(*map(mpmath.mpf, nose))
+        exact = reference.impact([mpmath.mpf(x) for x in before], numbers, mpmath.mpf(e))
+    assert np.array(follow_impact(before, nose, e)[0]) == pytest.approx(
+        [float(x) for x in exact], abs=5e-14 * before[1]
+    )
 
 
 def test_each_cushion_of_a_scene_has_its_own_law():

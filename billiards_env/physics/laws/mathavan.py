@@ -16,11 +16,12 @@ in contact mechanics, arXiv:1601.03545). Then the equation has no solution, or s
 if the force is finite but larger than friction. So the result is the limit of that for less friction.
 
 The solution is a sequence of Taylor series of order `ORDER`, whose coefficients follow from recurrences (Moore 1966,
-Interval Analysis, chapter 11). They are series in P, but if both contacts slip, in tau with dP = rho sigma dtau, over
-rho + sigma at the start of the step, where rho and sigma are the sizes of the slips at the cushion and at the cloth. In
-tau, a slip that stops decays exponentially. Slips that begin are series P u(P), or P^2 u(P) at the end of a stick. A
-step ends where the last term of a series is 1e-16 of the slips. It also ends where a contact begins to slip, the ball
-leaves the cloth or a phase ends. Each of these times is a root of a polynomial.
+Interval Analysis, chapter 11). Let rho and sigma be the sizes of the slips at the cushion and at the cloth. If the
+cushion slips, they are series in tau with dP = rho dtau, in which a slip that stops decays exponentially. If the cloth
+slips too and its slip falls or turns fast, dP = rho sigma dtau, over rho + sigma at the start of the step. Otherwise
+they are series in P. Slips that begin are t u(t), or t^2 u(t) at the end of a stick, where t is P or tau. A step ends
+where the last term of a series is 1e-16 of the slips. It also ends where a contact begins to slip, the ball leaves the
+cloth or a phase ends. Each of these times is a root of a polynomial.
 
 Near the limit of sticking, a slip creeps: in tau, it needs hundreds of steps to stop, or to grow again. Its direction e
 then depends only on the other slip, because the part of e that depends on the past has decayed: the motion is on a slow
@@ -49,8 +50,9 @@ _USUAL = 16.0  # the largest ratio of the term before the last to it; otherwise 
 _STOPPED = 2e-14  # slip over the normal velocity below which a slip has stopped
 _NO_PRESS = 1e-9  # at a smaller press over `mu_cloth`, the last event decides whether the ball is on the cloth
 _SMALL = 0.01  # a restitution below which the end of the compression ends a step, for the digits of the work left
-_MOST_STEPS = 400  # a limit for safety; an impact has about 12
+_MOST_STEPS = 400  # a limit for safety; an impact has about 10
 _PATIENCE = 300  # the number of steps after which `_STOPPED` doubles in each step, so that two small slips stop
+_TURNS = 0.1  # the largest angle by which the slip at the cloth turns in dtau = dP / rho = 1, for series in this tau
 _USUAL_STEPS = 100  # the number of steps after which a small slip is tested for creeping
 _CREEP = 0.02  # the largest slip that creeps, over the other slip
 _SWEEPS = 24  # the number of sweeps for a slip that creeps
@@ -133,7 +135,7 @@ def _first(row, low, t, end, event):
 
 @kernel
 def step_length(c, by_nose, by_cloth):
-    """Returns the length of a step: its last term is about `_TERM`, and a slip that falls keeps a quarter.
+    """Returns the length of a step: its last term is about `_TERM`, and a slip that falls in P keeps a quarter.
 
     It is zero if the series overflows.
     """
@@ -144,9 +146,12 @@ def step_length(c, by_nose, by_cloth):
     if by_nose == _SLIPS and by_cloth == _SLIPS:
         length *= 1.0 / rho + 1.0 / sigma
     else:
+        if by_nose == _SLIPS:
+            length *= 1.0 / rho
         for state, row, other, size in ((by_nose, x, y, c[7]), (by_cloth, u, v, c[8])):
             k = 0 if state == _SLIPS else (1 if size[1] > 0.0 else 2)  # the first term
-            if state != _CREEPS and size[k + 1] < 0.0 < size[k]:
+            in_tau = state == _SLIPS and by_nose == _SLIPS
+            if state != _CREEPS and not in_tau and size[k + 1] < 0.0 < size[k]:
                 fall = math.sqrt(row[k + 1] * row[k + 1] + other[k + 1] * other[k + 1])
                 length = min(length, 0.75 * size[k] / fall)
     for row in (x, y, u, v):
@@ -224,44 +229,54 @@ def _begin(k, slip, sums, force, reaction):  # out: slip
 
 @kernel
 def _sweep(c, by_nose, by_cloth, nose):  # out: c
-    """Writes the series of `_slip_one` from their first terms, and returns `step_length`."""
+    """Writes the series of `_slip_one` from their first terms, and returns `step_length`.
+
+    The forces, such as (ax, ay), are times the pace of the series, dP/dtau, which is rho if the nose slips.
+    """
     sin, cos, mu, mu_cloth = nose
     x, y, u, v, vx, work, vy, rho, sigma = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8]
     ex, ey, fx, fy, ax, ay, bx, by, press = c[9], c[10], c[11], c[12], c[13], c[14], c[15], c[16], c[17]
     d, g, h = 1.0 - 2.5 * sin, 2.5 - sin, 2.5 + sin * sin
-    m, n = (0 if by_nose == _SLIPS else 1), (0 if by_cloth == _SLIPS else 1)
-    of_rho, of_sigma, by_slip, stuck = 1.0 / rho[0], 1.0 / sigma[0], 1.0 / (1.0 + sin), 2.0 / 7.0
+    slips, n, of_rho, of_sigma = by_nose == _SLIPS, (0 if by_cloth == _SLIPS else 1), 1.0 / rho[0], 1.0 / sigma[0]
+    by_slip, stuck = 1.0 / (1.0 + sin), 2.0 / 7.0
     for k in range(ORDER):
-        one = 1.0 if k == 0 else 0.0
-        q = qc = sx = sy = tx = ty = gx = gy = 0.0
+        q = qc = sx = sy = tx = ty = gx = gy = power = 0.0
         for j in range(1, k):
             i = k - j
-            q, qc = q + (ex[j] * ex[i] + ey[j] * ey[i]), qc + (fx[j] * fx[i] + fy[j] * fy[i])
-            sx, sy = sx + rho[j + m] * ex[i], sy + rho[j + m] * ey[i]
+            if slips:
+                q, power = q + (x[j] * x[i] + y[j] * y[i] - rho[j] * rho[i]), power + rho[j] * vy[i]
+            else:
+                q, sx, sy = q + (ex[j] * ex[i] + ey[j] * ey[i]), sx + rho[j + 1] * ex[i], sy + rho[j + 1] * ey[i]
+            qc, gx, gy = qc + (fx[j] * fx[i] + fy[j] * fy[i]), gx + press[j] * fx[i], gy + press[j] * fy[i]
             tx, ty = tx + sigma[j + n] * fx[i], ty + sigma[j + n] * fy[i]
-            gx, gy = gx + press[j] * fx[i], gy + press[j] * fy[i]
         vy[k] = (v[k] - y[k]) * by_slip
-        if k > 0 and by_nose == _SLIPS:
-            rho[k] = ex[0] * (x[k] - sx) + ey[0] * (y[k] - sy) + 0.5 * q * rho[0]
-            ex[k], ey[k] = of_rho * (x[k] - sx - rho[k] * ex[0]), of_rho * (y[k] - sy - rho[k] * ey[0])
+        if slips:
+            if k > 0:
+                rho[k] = (0.5 * q + x[0] * x[k] + y[0] * y[k]) * of_rho
+                power += rho[k] * vy[0]
+            pace, power = rho[k], power + rho[0] * vy[k]
+        else:
+            pace, power = (1.0 if k == 0 else 0.0), vy[k]
         if k > 0 and by_cloth == _SLIPS:
             sigma[k] = fx[0] * (u[k] - tx) + fy[0] * (v[k] - ty) + 0.5 * qc * sigma[0]
             fx[k], fy[k] = of_sigma * (u[k] - tx - sigma[k] * fx[0]), of_sigma * (v[k] - ty - sigma[k] * fy[0])
-        if by_nose != _SLIPS:  # the cloth slips, with a press that depends on the friction at the nose
+        if not slips:  # the cloth slips, with a press that depends on the friction at the nose
             jxy, jyy = d * mu_cloth * cos * fx[0], h + g * mu_cloth * cos * fy[0]
-            qx, qy = one * mu_cloth * sin * fx[0], one * mu_cloth * sin * fy[0]
+            qx, qy = pace * mu_cloth * sin * fx[0], pace * mu_cloth * sin * fy[0]
             if k > 0:
                 qx, qy = press[0] * fx[k] + gx, press[0] * fy[k] + gy
             if by_nose == _STICKS:
-                ay[k] = (g * qy - one * sin * cos) / jyy
+                ay[k] = (g * qy - pace * sin * cos) / jyy
                 ax[k] = stuck * (d * qx - jxy * ay[k])
             elif k > 0 or by_nose == _CREEPS:
-                force = -d * qx, one * sin * cos - g * qy
+                force = -d * qx, pace * sin * cos - g * qy
                 ex[k], ey[k] = _begin(k, (rho, ex, ey), (q, sx, sy), force, (3.5 * mu, mu * jxy, mu * jyy))
-        if by_nose != _STICKS:
+        if slips:
+            ax[k], ay[k] = -mu * x[k], -mu * y[k]
+        elif by_nose != _STICKS:
             ax[k], ay[k] = -mu * ex[k], -mu * ey[k]
-        press[k] = mu_cloth * (one * sin - cos * ay[k])
-        hx, hy = d * ax[k], g * ay[k] - one * cos
+        press[k] = mu_cloth * (pace * sin - cos * ay[k])
+        hx, hy = d * ax[k], g * ay[k] - pace * cos
         if by_cloth == _STICKS:
             bx[k], by[k] = -stuck * hx, -stuck * hy
         else:
@@ -277,26 +292,29 @@ def _sweep(c, by_nose, by_cloth, nose):  # out: c
         if by_cloth == _CREEPS and k == 0:
             u[0], v[0] = sigma[0] * fx[0], sigma[0] * fy[0]
         if by_nose != _STICKS:
-            x[k + 1], y[k + 1] = f * (3.5 * ax[k] + d * bx[k]), f * (h * ay[k] + g * by[k] + one * sin * cos)
+            x[k + 1], y[k + 1] = f * (3.5 * ax[k] + d * bx[k]), f * (h * ay[k] + g * by[k] + pace * sin * cos)
         if by_cloth != _STICKS:
             u[k + 1], v[k + 1] = f * (hx + 3.5 * bx[k]), f * (hy + 3.5 * by[k])
-        vx[k + 1], work[k + 1] = f * (ax[k] + bx[k]), f * cos * vy[k]
+        vx[k + 1], work[k + 1] = f * (ax[k] + bx[k]), f * cos * power
     vy[ORDER] = (v[ORDER] - y[ORDER]) * by_slip
     return step_length(c, by_nose, by_cloth)
 
 
 @kernel
 def _slip_one(c, at_nose, at_cloth, nose):  # out: c
-    """Writes the series in P of (x, y, u, v, vx, work, vy, rho, sigma) from c[:6, 0], and returns `step_length`.
+    """Writes the series of (x, y, u, v, vx, work, vy, rho, sigma) from c[:6, 0], and returns `step_length`.
 
-    `at_nose` and `at_cloth` describe the contacts: the state, the direction (x, y) of the slip, and the rate of a slip
-    that begins, otherwise 0.
+    They are series in P, but if the nose slips, in tau with dP = rho dtau. `at_nose` and `at_cloth` describe the
+    contacts: the state, the direction (x, y) of the slip, and the rate in P of a slip that begins, otherwise 0.
     """
     (by_nose, ex, ey, rate), (by_cloth, fx, fy, rate_c), length = at_nose, at_cloth, 0.0
-    c[:4, 1:] = 0.0
-    c[7:13] = 0.0
+    for row in range(13):
+        for k in range(0 if row > 6 else 1, ORDER + 3):
+            c[row, k] = 0.0
     c[7, 0], c[7, 1] = math.sqrt(c[0, 0] * c[0, 0] + c[1, 0] * c[1, 0]), rate
     c[8, 0], c[8, 1] = math.sqrt(c[2, 0] * c[2, 0] + c[3, 0] * c[3, 0]), rate_c
+    if by_nose == _SLIPS:
+        c[8, 1] *= c[7, 0]
     c[9, 0], c[10, 0], c[11, 0], c[12, 0] = ex, ey, fx, fy
     for _ in range(_SWEEPS if by_nose == _CREEPS or by_cloth == _CREEPS else 1):
         length = _sweep(c, by_nose, by_cloth, nose)
@@ -399,13 +417,14 @@ def _hold(row, x, y, limit):  # out: row
 
 
 @kernel
-def _after(c, t):
-    """Returns (x, y, u, v, vx, work) after a step t."""
-    x, y, u, v, vx, work = c[0, ORDER], c[1, ORDER], c[2, ORDER], c[3, ORDER], c[4, ORDER], c[5, ORDER]
-    for k in range(ORDER - 1, -1, -1):
-        x, y, u, v = x * t + c[0, k], y * t + c[1, k], u * t + c[2, k], v * t + c[3, k]
-        vx, work = vx * t + c[4, k], work * t + c[5, k]
-    return x, y, u, v, vx, work
+def _advance(c, t):  # out: c
+    """Returns `c` with (x, y, u, v, vx, work) after a step t as order 0 of their series."""
+    for row in range(6):
+        value = c[row, ORDER]
+        for k in range(ORDER - 1, -1, -1):
+            value = value * t + c[row, k]
+        c[row, 0] = value
+    return c
 
 
 @kernel
@@ -465,16 +484,23 @@ def _contacts(motion, states, first, lifted, nose):
 
 
 @kernel
-def _series(c, motion, at_nose, at_cloth, creeps, nose):  # out: c
-    """Writes the series of a step from `motion`; returns the length of the step and the states of the contacts.
+def _paced_by_both(rho, sigma, at_nose, at_cloth, nose):
+    """Returns whether two slips are series in tau; otherwise the slip at the cloth grows and hardly turns."""
+    (_, ex, ey, _), (_, fx, fy, _), (sin, cos, mu, mu_cloth) = at_nose, at_cloth, nose
+    press = 3.5 * mu_cloth * (sin + mu * cos * ey)
+    du, dv = -(1.0 - 2.5 * sin) * mu * ex - press * fx, -(2.5 - sin) * mu * ey - press * fy - cos
+    return fx * du + fy * dv < 0.0 or abs(fx * dv - fy * du) * rho > _TURNS * sigma
+
+
+@kernel
+def _series(c, at_nose, at_cloth, creeps, nose):  # out: c
+    """Writes the series of a step from c[:6, 0]; returns the length of the step and the states of the contacts.
 
     With `creeps`, a small slip may creep. If its direction is that of the slow manifold, the series begins on the
     manifold.
     """
-    (by_nose, ex, ey, _), (by_cloth, fx, fy, _), (x, y, u, v, vx, work) = at_nose, at_cloth, motion
-    both = by_nose == _SLIPS and by_cloth == _SLIPS
-    c[0, 0], c[1, 0], c[2, 0], c[3, 0], c[4, 0], c[5, 0] = x, y, u, v, vx, work
-    rho, sigma = math.sqrt(x * x + y * y), math.sqrt(u * u + v * v)
+    (by_nose, ex, ey, _), (by_cloth, fx, fy, _), (x, y, u, v) = at_nose, at_cloth, (c[0, 0], c[1, 0], c[2, 0], c[3, 0])
+    both, rho, sigma = by_nose == _SLIPS and by_cloth == _SLIPS, math.sqrt(x * x + y * y), math.sqrt(u * u + v * v)
     if both and creeps and rho < _CREEP * sigma:
         by_nose = _CREEPS
     elif both and creeps and sigma < _CREEP * rho:
@@ -485,9 +511,10 @@ def _series(c, motion, at_nose, at_cloth, creeps, nose):  # out: c
         if t > 0.0 and off < _TERM * max(rho, sigma):
             return t, by_nose, by_cloth
         c[0, 0], c[1, 0], c[2, 0], c[3, 0] = x, y, u, v
-    if both:
+    paced_by_both = _paced_by_both(rho, sigma, at_nose, at_cloth, nose)
+    if both and paced_by_both:
         return _slip_both(c, nose), _SLIPS, _SLIPS
-    return _slip_one(c, at_nose, at_cloth, nose), by_nose, by_cloth
+    return _slip_one(c, at_nose, at_cloth, nose), at_nose[0], at_cloth[0]
 
 
 @kernel
@@ -572,25 +599,25 @@ def follow_impact(before, nose, e):
         return before, True, 0
     (sin, cos, mu, mu_cloth), c = nose, room()
     x, y, u, v = (vx + rwy * sin - rwz * cos) / unit, (rwx - unit * sin) / unit, (vx - rwy) / unit, (unit + rwx) / unit
-    vx, work, whole = vx / unit, 0.0, 0.0
-    tiny = max(_STOPPED, 1e-15 * max(max(abs(x), abs(y)), max(abs(u), abs(v))))
+    tiny, whole = max(_STOPPED, 1e-15 * max(max(abs(x), abs(y)), max(abs(u), abs(v)))), 0.0
+    c[0, 0], c[1, 0], c[2, 0], c[3, 0], c[4, 0], c[5, 0] = x, y, u, v, vx / unit, 0.0
     by_nose = by_cloth = _SLIPS
     compresses, lifted, smooth, steps = True, False, True, 0
     for step in range(_MOST_STEPS):
-        steps = step + 1
-        rho, sigma = math.sqrt(x * x + y * y), math.sqrt(u * u + v * v)
+        steps, x, y, u, v = step + 1, c[0, 0], c[1, 0], c[2, 0], c[3, 0]
         if step >= _PATIENCE:
             tiny, smooth = 2.0 * tiny, False
-        if by_nose == _SLIPS and rho <= tiny:
-            by_nose, smooth, x, y = _STOPS, smooth and step > 0, 0.0, 0.0
+        if by_nose == _SLIPS and math.sqrt(x * x + y * y) <= tiny:
+            by_nose, smooth, c[0, 0], c[1, 0] = _STOPS, smooth and step > 0, 0.0, 0.0
+        sigma = math.sqrt(u * u + v * v)
         if by_cloth == _SLIPS and sigma <= tiny:
-            by_cloth, smooth, u, v = _STOPS, smooth and (step > 0 or sigma == 0.0), 0.0, 0.0
+            by_cloth, smooth, c[2, 0], c[3, 0] = _STOPS, smooth and (step > 0 or sigma == 0.0), 0.0, 0.0
         if by_nose != _SLIPS and by_cloth != _SLIPS:
             smooth = False
             if compresses:
-                compresses, whole, work = False, work, e * e * work
+                compresses, whole, c[5, 0] = False, c[5, 0], e * e * c[5, 0]
             (by_nose, ex, ey, rate), (by_cloth, fx, fy, rate_c), lifted = _leave_rest(nose)
-            if by_nose == _STOPS or work <= 0.0:
+            if by_nose == _STOPS or c[5, 0] <= 0.0:
                 break
         else:
             states = by_nose, by_cloth
@@ -598,20 +625,20 @@ def follow_impact(before, nose, e):
                 (x, y, u, v), states, step == 0, lifted, nose
             )
             smooth = smooth and again
-        motion, now = (x, y, u, v, vx, work), CushionNose(sin, cos, mu, 0.0 if lifted else mu_cloth)
+        now = CushionNose(sin, cos, mu, 0.0 if lifted else mu_cloth)
         at_nose, at_cloth = (by_nose, ex, ey, rate), (by_cloth, fx, fy, rate_c)
-        t, by_nose, by_cloth = _series(c, motion, at_nose, at_cloth, step >= _USUAL_STEPS, now)
+        t, by_nose, by_cloth = _series(c, at_nose, at_cloth, step >= _USUAL_STEPS, now)
         if t == 0.0:  # a slip is so small that its series overflows
             tiny *= 100.0
             continue
         t, end = _change(c, t, (by_nose, by_cloth), lifted, nose)
         t, end, compresses, whole = _phase(c, t, end, compresses, whole, e)
-        x, y, u, v, vx, work = _after(c, t)
+        c = _advance(c, t)
         by_nose, by_cloth = (_STICKS if by_nose == _STICKS else _SLIPS), (_STICKS if by_cloth == _STICKS else _SLIPS)
         if end == _NOSE_STOPS:
-            by_nose, x, y = _STOPS, 0.0, 0.0
+            by_nose, c[0, 0], c[1, 0] = _STOPS, 0.0, 0.0
         elif end == _CLOTH_STOPS:
-            by_cloth, u, v = _STOPS, 0.0, 0.0
+            by_cloth, c[2, 0], c[3, 0] = _STOPS, 0.0, 0.0
         elif end == _NOSE:
             by_nose = _RELEASED
         elif end == _CLOTH:
@@ -619,9 +646,10 @@ def follow_impact(before, nose, e):
         elif end == _LIFT:
             lifted = not lifted
         elif end == _COMPRESSED:
-            work = e * e * whole
+            c[5, 0] = e * e * whole
         elif end == _RESTORED:
             break
-    vy, rwy = min(0.0, (v - y) / (1.0 + sin)), vx - u
-    rwx, rwz = v - vy, (vx + rwy * sin - x) / cos
+    x, vx = c[0, 0], c[4, 0]
+    vy, rwy = min(0.0, (c[3, 0] - c[1, 0]) / (1.0 + sin)), vx - c[2, 0]
+    rwx, rwz = c[3, 0] - vy, (vx + rwy * sin - x) / cos
     return (unit * vx, unit * vy, unit * rwx, unit * rwy, unit * rwz), smooth, steps
