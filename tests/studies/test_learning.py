@@ -117,6 +117,6 @@ def test_open_tasks_come_first_and_the_best_player_is_named():
             rate, name = highest.strip("`)").split("% (`")
             assert float(rate) >= max(float(other.strip("%")) for other in others)
             assert (float(rate) == float(others[0].strip("%"))) >= (name == "AimPolicy:64")
-    threshold = FROZEN["Place-v0"].threshold
-    assert [learning._is_solved("Place-v0", threshold + change) for change in (-0.01, 0.01)] == [False, True]
+    threshold = FROZEN["PlaceNoise-v0"].threshold
+    assert [learning._is_solved("PlaceNoise-v0", threshold + change) for change in (-0.01, 0.01)] == [False, True]
     assert learning._is_solved("Pot3-v0", 0.0)  # by the planner
