@@ -36,7 +36,7 @@ def kinds_of(info, n):
 def take_measures(env, info):
     """Removes the measures from an info, and returns them as one list of numbers."""
     found = {name: info.pop(name) for name in env.model.measures}
-    kind = measures_type(tuple(found), env.model.scene.n_balls)
+    kind: Any = measures_type(tuple(found), env.model.scene.n_balls)
     assert {name: (value.shape, value.dtype) for name, value in found.items()} == {
         name: (kind[name].shape, np.float64) for name in found
     }
