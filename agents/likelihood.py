@@ -8,8 +8,9 @@ mixture of the policy can represent several ways to score, and its standard devi
 In a task with a goal a shot is also a label for another goal (hindsight, Andrychowicz et al. 2017). If it meets the
 other condition of the task, it scores for every goal near the place where the cue ball stops, and its goal is drawn
 there. So almost every such shot is useful. With `goals` the likeliest shots for random goals are labels too, after a
-correction towards the goal with the derivatives of the place where the cue ball stops (Mora et al. 2021, Policy
-optimization via differentiable simulation). So the policy learns to correct the shots that it would play.
+correction towards the goal. Finite differences of the place where the cue ball stops give the correction (as the
+derivatives of a simulator in Mora et al. 2021, Policy optimization via differentiable simulation). So the policy learns
+to correct the shots that it would play.
 
 The weight of a shot is 1 over the number of shots of its layout that reach the same goal. So easy and difficult layouts
 and goals have a similar total weight.
@@ -61,10 +62,10 @@ _WORTH = 0.1  # least mean return by which the gradient of a layout is divided
 _SLOWER = 0.5  # factor of the learning rate in the second phase
 _CRITIC = 0.1  # weight of the error of the critic
 _NORM = 5.0  # largest norm of a gradient
-_BEGIN = 0.3  # share of the shots after which shots are corrected; with earlier corrections a policy became worse
-_CHANGE = 0.1  # of a finite difference, in standard deviations of the policy
+_BEGIN = 0.3  # share of the shots after which corrections begin; with earlier corrections a policy became worse
+_CHANGE = 0.1  # of an action, for finite differences, in standard deviations of the policy
 _FARTHEST = 2.5  # largest correction, in standard deviations
-_DAMPING = 0.01  # of a correction
+_DAMPING = 0.01  # of a correction, over the squared radius of the goal
 
 
 class Labels(NamedTuple):
@@ -163,7 +164,7 @@ class LikelihoodTraining(Training):
 
     @torch.no_grad()
     def _corrected(self, mixtures: Callable[[Tensor, Tensor | None], Mixture]) -> Labels:
-        """Returns the likeliest shots for random goals that score after a correction, see `corrections`."""
+        """Corrects the likeliest shots for random goals, see `corrections`, and returns those that then score."""
         scene, radius = self._envs.single_env.scene, self._envs.single_env.model.goal_radius
         rows = torch.arange(self._settings["layouts"]).repeat_interleave(self._settings["goals"])
         half = np.array(scene.half_extents)
@@ -334,10 +335,10 @@ def labels_of(envs: BilliardsVectorEnv, shots: Floats, outcomes: Any, most: int,
 
 
 def corrections(slopes: Floats, misses: Floats, radius: float) -> Floats:
-    """Returns the smallest changes (k, a) that correct misses to first order: damped steps of Gauss and Newton.
+    """Returns the smallest changes (k, a) that correct misses to first order: damped Gauss-Newton steps.
 
     Args:
-        slopes: (k, a, 2) m, the derivatives of a place by the changes.
+        slopes: (k, a, 2) m, the derivatives of a place with respect to the changes.
         misses: (k, 1, 2) m, from the place to its goal.
         radius: The radius of the goal, m. Slopes much smaller than it give small changes.
     """

@@ -171,8 +171,9 @@ def _add_match(parser: argparse.ArgumentParser) -> None:
 def _add_bench(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Play 1,000 layouts of frozen tasks and write a file with all actions and outcomes, or check files: 'billiards "
-        "bench verify FILE' plays the actions again and fails if any bit differs. It also prints scores with new "
-        "noise: of the actions in tasks of one shot, of the player --again in longer tasks. Players: as for evaluate."
+        "bench verify FILE' plays the actions again and fails if any bit differs. In tasks with noise it also prints "
+        "scores with new noise: of the actions in tasks of one shot, of the player of --again in longer tasks. "
+        "Players: as for evaluate."
     )
     add = parser.add_argument
     add("player", help="a player, such as search:200 or mine:player, or the word verify")
@@ -188,7 +189,7 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
     )
     text = "seed of the noise (default: the seed of the layouts; for verify a random one)"
     add("--noise-seed", type=int, metavar="N", help=text)
-    add("--again", metavar="PLAYER", help="with verify: the player, which plays longer tasks with noise again")
+    add("--again", metavar="PLAYER", help="with verify: the player that plays longer tasks again, with new noise")
     add("--name", help="the name of the player in the file (default: the player)")
     text = "write the file, .json; FILE.part holds the finished tasks, and the same command resumes"
     add("--out", type=Path, metavar="FILE", help=text)
@@ -452,7 +453,7 @@ def bench(args: argparse.Namespace) -> None:
 
 
 def _verify(path: Path, noise_seed: int, player: str | None) -> None:
-    """Verifies a file of results, and prints its scores, also with new noise: of the actions, or of the player."""
+    """Verifies a file, and prints its scores and those of its actions or of the player with new noise."""
     from billiards_env.bench import benchmark as bench
 
     verified = bench.verify(path)
@@ -468,7 +469,8 @@ def _verify(path: Path, noise_seed: int, player: str | None) -> None:
         print(bench.score_table(bench.play_tasks(player, tasks, seeds, noise_seed=noise_seed)), flush=True)
     for task in tasks if player is None else ():
         print(
-            f"{task}: replayed only, the player may have computed the noise beforehand (--again plays it)", flush=True
+            f"{task}: replayed only, the player may have computed the noise beforehand (--again plays the task)",
+            flush=True,
         )
 
 

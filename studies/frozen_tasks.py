@@ -38,7 +38,8 @@ ONLY: dict[str, tuple[str, ...]] = {
     ),
     "planner:300": tuple(name for name, task in FROZEN.items() if task_of(task.arguments["task"]).rules),
 }
-"""The tasks of players that play only some. "aim" takes many times as long as a search in games, and has no flights."""
+"""The tasks of players that play only some. In nine ball and eight ball, "aim" takes many times as long as a search. It
+does not play flights."""
 
 
 def measure(output: Path) -> dict[str, Any]:
@@ -97,8 +98,8 @@ class Learned(NamedTuple):
 def learned(name: str) -> Learned | None:
     """Returns the best trained policy in a frozen task, or None if none was measured.
 
-    The candidates are the entries of the leaderboard, and the rows of `configs/learning.yaml`: with their mean success
-    over the seeds, and with the best of several proposals ("row:64" of 64).
+    The candidates are the entries of the leaderboard, and the rows of `configs/learning.yaml`. A row has its mean
+    success over the seeds, and its success with the best of several proposals ("row:64" with 64).
     """
     entries = read_results(RESULTS / "leaderboard.json").values()
     candidates = [
@@ -111,7 +112,7 @@ def learned(name: str) -> Learned | None:
         if rates:
             candidates.append(Learned(row, float(np.mean(rates)), "training.md"))
         for count, one in result.get("proposals", {}).get(name, {}).items():
-            if count != "1" and not name.startswith("SumToThree"):  # there it is the share of the shots that score
+            if count != "1" and not name.startswith("SumToThree"):  # its success is the share of shots that score
                 candidates.append(Learned(f"{row}:{count}", one["success"], "training.md"))
     return max(candidates, key=lambda one: one.success, default=None)
 

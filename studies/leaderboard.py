@@ -1,9 +1,9 @@
 """Verifies the files in `docs/leaderboard` and makes the page from them: `python -m studies.leaderboard`.
 
 An entry is a file of `billiards bench` with the public layouts and the layouts of a second seed, `SEEDS`. All tasks
-have noise. The score in a task of one shot is that of the actions with new noise, see `benchmark.fresh`. Its seed is
-drawn when the file is new or has changed. The score in a longer task is that of the file. The results and the seeds are
-in `studies/results/leaderboard.json`.
+have noise. The score in a task of one shot is that of the actions with new noise, see `benchmark.fresh`. The seed of
+this noise is drawn when the file is new or has changed. The score in a longer task is that of the file. The results and
+the seeds are in `studies/results/leaderboard.json`.
 
 The player `studies.leaderboard:trained` is the best row of `configs/learning.yaml` in each task, the policy of the
 first seed; `studies.leaderboard:trained:64` is the best of 64 actions that it proposes. `make results` writes their
@@ -55,7 +55,7 @@ trained = PlayerEntry(_trained, argument="1")
 def entries(
     folder: Path, known: Mapping[str, Any], read: Callable[[Path], bench.Bench] = bench.verify
 ) -> dict[str, Any]:
-    """Returns the scores of the files of a folder: by name of the file, a dict.
+    """Returns the scores of the files of a folder: a dict for each, by the name of the file.
 
     Its keys are `player`, `run` (see `RUN`), `file` (a hash), `noise_seed` (of `benchmark.fresh`) and `scores` by task.
 

@@ -5,9 +5,9 @@ Other processors are emulated by qemu. The parts are:
 * aarch64: the same Python program. Numba compiles on this machine for aarch64, which takes a twentieth of the time.
 * kernels: the compiled functions alone, for 32-bit arm, powerpc64le, riscv64 and the big-endian s390x. The control is
   aarch64 where LLVM may fuse a product and a sum. It must have other bits.
-* settings: numba without the vector extensions of this CPU, and without optimisation (`NUMBA_OPT` is 3 elsewhere).
-* numba: the oldest and the newest version of numba that `pyproject.toml` allows, in virtual environments; not the
-  newest if this process has it.
+* settings: numba without the vector extensions of this CPU, and without optimisation (`NUMBA_OPT` is otherwise 3).
+* numba: the oldest and the newest version of numba that `pyproject.toml` allows, in virtual environments. The
+  newest is left out if this process has it.
 * web: WebAssembly in a browser, see `docs.web.check`.
 
 What is done is kept in `build/machines`, until the code changes; the same command continues. Needs Linux on x86-64, and
@@ -90,7 +90,7 @@ def work(folder: Path, machine: str, names: list[str], *python: str | Path, cach
 
 
 def compared(row: Row, expected: dict[str, Any]) -> Row:
-    """Returns the row for some results, with the names of those with other bits."""
+    """Returns a row with the number of its results that have other bits than expected, and their names."""
     results = row["results"]
     ids, count = sum(name in HASHES for name in results), sum(count for _, count in results.values())
     other = [name for name, (bits, _) in results.items() if bits != expected.get(name, [bits])[0]]
@@ -153,13 +153,13 @@ def kernels(folder: Path, name: str) -> Row:
 
 
 def numba_range() -> tuple[str, str]:
-    """Returns the oldest version of numba that `pyproject.toml` allows, and the oldest one after the newest."""
+    """Returns the oldest version of numba that `pyproject.toml` allows, and the first one after the newest."""
     text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     return re.findall(r'"numba>=([\d.]+),<([\d.]+)"', text)[0]
 
 
 def has_newest() -> bool:
-    """Returns whether this process has a release of the newest numba that `pyproject.toml` allows."""
+    """Returns whether this process has the newest minor version of numba that `pyproject.toml` allows."""
     major, minor, *_ = map(int, version("numba").split("."))
     return f"{major}.{minor + 1}" == numba_range()[1]
 
@@ -242,7 +242,7 @@ def measure(parts: str, only: str, workers: int, job: Job) -> dict[str, Any]:
 
 
 def do_all(steps: dict[str, Step], folder: Path, workers: int) -> dict[str, Future[Row]]:
-    """Does steps, `workers` at a time. The first ones begin first, each after those that it needs."""
+    """Does steps, `workers` at a time. They begin in their order, each after those that it needs."""
     done: dict[str, Future[Row]] = {}
     with ThreadPoolExecutor(workers) as pool:
         while len(done) < len(steps):
@@ -257,7 +257,7 @@ def do_all(steps: dict[str, Step], folder: Path, workers: int) -> dict[str, Futu
 
 
 def do(name: str, step: Step, folder: Path, done: dict[str, Future[Row]]) -> Row:
-    """Returns the row of a step from its file, or does it. It fails if one that it needs failed."""
+    """Returns the row of a step from its file, or does the step. Fails if a step that it needs failed."""
     for need in step.needs:
         done[need].result()
     path = folder / f"{name}.json"

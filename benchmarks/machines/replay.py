@@ -57,7 +57,7 @@ TARGETS = {
 CONTROL = Target("aarch64-linux-gnu")
 """A processor that can fuse a product and a sum."""
 CONTROL_FUNCTIONS = 10
-"""The number of functions, the first ones, that the control compiles."""
+"""The control compiles only the first functions, this many."""
 
 
 def tool(name: str, package: str) -> str:

@@ -223,12 +223,12 @@ def play_actions(
 
 
 def is_one_noisy_shot(task: str) -> bool:
-    """Returns whether a task has noise and one shot, so that `fresh` can judge its actions."""
+    """Returns whether a task has noise and one shot, so that `fresh` plays its actions."""
     return FROZEN[task].noise and FROZEN[task].arguments["max_shots"] == 1
 
 
 def fresh(bench: Bench, noise_seed: int) -> Bench:
-    """Plays the actions in the tasks of one shot with noise again, each with `DRAWS` new draws of the noise.
+    """Plays the actions again in the tasks with noise and one shot, each with `DRAWS` new draws of the noise.
 
     If the seed is drawn after the actions were chosen, for example by `secrets.randbits(63)`, the actions cannot profit
     from the noise. Later shots of an episode depend on the noise before them, so longer tasks need the player itself:
@@ -236,7 +236,7 @@ def fresh(bench: Bench, noise_seed: int) -> Bench:
 
     Args:
         bench: The content of a file.
-        noise_seed: The seed of the seeds of the draws.
+        noise_seed: The seed from which the seeds of the draws come.
 
     Returns:
         The results of these tasks, one for each draw; none if the file has no such task.

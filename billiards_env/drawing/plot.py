@@ -74,7 +74,7 @@ def draw_shot(shot: ShotResult, ax: Axes | None, compare: ShotResult | None) -> 
     Another run of the shot, `compare`, is drawn with dashed paths and rings.
 
     Raises:
-        TypeError: If `ax` are no axes or `compare` is no shot.
+        TypeError: If `ax` is not an Axes, or `compare` is not a shot.
         ValueError: If a shot was not recorded, or `compare` has other balls or another table.
     """
     recording, other = recordings_of(shot, compare, "plot")

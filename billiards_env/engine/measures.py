@@ -4,7 +4,7 @@
 of the measure writes this field at some moments of a shot. The arguments of the kernel are
 
     moment: START or END of the shot, BEGIN_PHASE of a ball, BEFORE_IMPACT or AFTER_IMPACT of two balls.
-    i: The ball, or the first ball of the impact; -1 at the start and the end.
+    i: The ball, or the first ball of the impact; -1 at the start and the end of the shot.
     j: The second ball of the impact, i < j; otherwise -1.
     k: The shot.
     scene: The `SceneArrays`.
@@ -69,8 +69,9 @@ def record_first_hit_velocities(moment, i, j, k, scene, state, shots):  # out: s
 def record_times_over(moment, i, j, k, scene, state, shots):  # out: shots
     """Records the measure "times_over".
 
-    At the start of a flight, the kernel computes the times at which the ball can come over other balls. They are
-    negative until the flight ends. Then the kernel removes those that are later, and those of the balls that are hit.
+    At the start of a flight, the kernel computes the times at which the cue ball would come over other balls. They are
+    negative until the flight ends. Then the kernel removes the times after this end, and those of the balls that the
+    cue ball has hit.
     """
     times, cue = shots.measures[k].times_over, shots.cue[k]
     if moment == START:
@@ -88,7 +89,7 @@ def record_times_over(moment, i, j, k, scene, state, shots):  # out: shots
 
 @inlined
 def _time_to_ball(ball, cue, scene, state):
-    """Returns the time after which the cue ball, in the air, comes over a ball at rest, s; infinite if it does not."""
+    """Returns the time until the cue ball, in the air, comes over a ball at rest, s; infinite if it does not."""
     a, b = state.rows[cue], state.rows[ball]
     if state.phase[ball] == POTTED or b[VX] != 0.0 or b[VY] != 0.0:
         return math.inf
@@ -104,8 +105,8 @@ MEASURES = {
         lambda scene, max_speed: max_speed,
     ),
     "times_over": Measure(
-        "the times, s, at which the cue ball flies over each ball at rest before its first impact with a ball; "
-        "a ball that it hits at the end of the flight does not count",
+        "the time, s, at which the cue ball flies over each ball at rest, before its first impact with a ball and "
+        "without hitting this ball",
         ("balls",),
         record_times_over,
         lambda scene, max_speed: 2.0 * max_speed / scene.physics.g,

@@ -81,7 +81,7 @@ class FixKernels(NamedTuple):
         at_cushion: (i, wall, beyond, bounce, scene, work) before the `Bounce` of ball i, which is beyond a cushion by
             `beyond` m and does not come back. Returns the `Bounce` at the new position.
         at_nose: (row, dx, dy, touch) before the impact of a ball in the air, with this row of `State.rows`, on a nose
-            that it overlaps. (dx, dy) is the way to the nose, m, which is shorter than `touch`.
+            that it overlaps. (dx, dy) is the horizontal way to the nose, m. They touch at the distance `touch`.
         in_corner: (i, wall, n, m, scene, work) before the impact of ball i on two cushions at once, with the normals n
             and m. It touches the first and may overlap the second, `wall`.
         after_cushion: (i, scene, work) after this `Bounce`.

@@ -481,7 +481,7 @@ def register_measure(name: str, measure: Measure) -> None:
 
     Raises:
         TypeError: Also if `record` is not a kernel.
-        ValueError: Also if a feature that is no measure has the name.
+        ValueError: Also if a feature that is not a measure has the name.
     """
     if isinstance(measure, Measure):
         check_kernel(f"record of measure {name!r} = {short(measure.record)}", measure.record)

@@ -122,8 +122,8 @@ def is_going_on(state: State) -> Bools:
 def conversion(model: Model, converter: Any, shooting: Callable[[State], Bools]) -> Callable[..., Floats]:
     """Returns the part that makes strokes of actions with a converter, in the episodes with a shot.
 
-    Strokes are fractions of the largest speed, as noise, `played_action` and the strokes of games are. The part divides
-    the velocities by this speed, and `start_shots` multiplies by it.
+    The velocities of strokes are fractions of the largest speed, as are noise, `played_action` and the strokes of
+    games. The part divides by this speed, and `start_shots` multiplies by it.
     """
 
     def convert(state: State, begin: int, end: int, actions: NDArray[Any]) -> Floats:

@@ -123,7 +123,7 @@ class Game(NamedTuple):
         most_points: Function of the number of object balls. Returns the most points of a rack.
         state: Function of the number of object balls. Returns the own state at the opening, a NamedTuple whose fields
             have the types of `game_state`, such as `Count`. `Game.state_type` is the type of the whole state.
-        facts: The facts of a shot that the game uses, see `games.facts`. With `jumped`, jump shots are fouls.
+        facts: The facts of a shot that the game uses, see `games.facts`. Games with `jumped` penalise jump shots.
         measures: The measures that the engine records for these facts, see `engine.measures`.
         check: Function of a state of a custom opening. Returns what is expected of the balls on the table, or "".
         see: Kernel `(table, positions, state, facts, call)`. Writes the facts of a shot that need the positions after
@@ -177,7 +177,7 @@ class Game(NamedTuple):
     replace: Kernel = keep_scores
 
     def in_scene(self, scene: Scene) -> Game:
-        """Returns the game as it is played in a scene. Only scenes with flight record jump shots."""
+        """Returns the game as it is played in a scene. Shots record jump shots only in scenes with flight."""
         if not scene.physics.flight or jumped not in self.facts:
             return self
         facts = tuple(jumped_in_flight if fact is jumped else fact for fact in self.facts)

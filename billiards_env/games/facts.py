@@ -211,7 +211,7 @@ def _jumped(is_over: Kernel) -> Kernel:
     def jumped(shots, k, bits) -> Balls:
         """The object balls that the cue ball jumped over before its first contact, in scenes with flight.
 
-        It jumps over a ball if it flies above a part of it, and does not hit it in this flight.
+        The cue ball jumps over a ball if it flies above a part of the ball and does not hit it in the same flight.
         """
         return balls_that(is_over, shots, k, bits)
 
@@ -229,7 +229,7 @@ def _is_jumped(shots, k, i):
 
 
 jumped, jumped_in_flight = _jumped(_never), _jumped(_is_jumped)
-"""The fact `jumped` of games on the cloth, which is empty, and in scenes with flight, see `Game.in_scene`."""
+"""The fact `jumped`: without flight it is empty, with flight it is recorded, see `Game.in_scene`."""
 
 USUAL = first, potted, scratch, cushion_after, driven_off, cue_off
 """The facts of `pool.standard_foul`. The referee uses `potted` and `driven_off` in each game."""

@@ -2,7 +2,7 @@
 
 "WPBSA" is section 3 of the Official Rules of the Games of Snooker and English Billiards of the World Professional
 Billiards and Snooker Association; its list of amendments ends in November 2014. The source is secondary: a copy of this
-text in github.com/chalkysticks/api, `snooker_wpbsa.php`; for the definition of a jump shot (section 2, 20) a German
+text in github.com/chalkysticks/api, `snooker_wpbsa.php`. The definition of a jump shot (section 2, 20) is from a German
 translation, snookerregeln.de. The balls 1 to `reds` are red; yellow, green, brown, blue, pink and black follow.
 `Game.left_out` lists the simplifications.
 
@@ -434,7 +434,7 @@ GAMES = {
             ("2.19", "only a shot that first hits a ball touching the cue ball, before a cushion, is a push stroke"),
             (
                 "2.20",
-                "a ball that the cue ball hits at the end of a flight is not jumped over, wherever the cue ball lands",
+                "a ball that the cue ball hits at the end of a flight does not count as jumped over",
             ),
             ("3.3, 3.12", "if a player nominates no ball, the ball that the cue ball touches first is nominated"),
             ("3.4 b", "after a tie no lots are drawn: the next player has the choice of the winner of the lot"),

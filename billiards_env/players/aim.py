@@ -236,7 +236,7 @@ def aim(
         it is the most exact one.
 
     Raises:
-        ValueError: If there is no goal, a ball of a goal is not in play, a pocket of a goal does not exist, or an
+        ValueError: If there is no goal, a ball of a goal is not in play, a pocket of a goal does not exist, an
             argument of `simulate` is invalid, or the shots of the scene have no derivatives.
 
     Example:

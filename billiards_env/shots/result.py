@@ -207,7 +207,7 @@ class ShotResult:
             The axes, in metres. `shot.plot().figure.savefig(path)` writes a file.
 
         Raises:
-            TypeError: If `ax` are no axes or `compare` is no shot.
+            TypeError: If `ax` is not an Axes, or `compare` is not a shot.
             ValueError: If a shot was not recorded, or `compare` has other balls or another table.
             ModuleNotFoundError: If matplotlib is not installed.
         """

@@ -364,7 +364,7 @@ def check_call(what: str, function: Any, count: int, expected: str = "") -> None
 
 
 def check_attributes(what: str, function: Any, *names: tuple[str, ...]) -> None:
-    """Checks the attributes of its arguments that a function uses. Does nothing if its source code is not available.
+    """Checks which attributes of its arguments a function uses. Does nothing if its source code is not available.
 
     Args:
         what: The name of the function, used in error messages.

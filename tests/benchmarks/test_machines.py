@@ -66,7 +66,7 @@ def test_recorded_calls_are_answered():
 
 
 def test_a_kernel_is_no_argument_of_compiled_code():
-    """The words of kernels once moved the words of all later arguments, so the compared functions did nothing."""
+    """Kernels once took words of arguments. These moved all later arguments, so the compared functions did nothing."""
     calls = record.Calls()
     calls.record("f", 7, lambda *_: None, (same, (None,)), 3)
     ((_, _, arguments, _),) = rows_of(calls.calls)

@@ -81,7 +81,7 @@ LINE = [[-0.6, 0.0], [-0.3, 0.0], [0.2, 0.0], [0.0, 0.4]]
 
 
 def over(velocity, places=LINE, **options: Any) -> Any:
-    """Plays a shot in a scene with flight. Returns it, and the balls that the cue ball comes over with the times."""
+    """Plays a shot in a scene with flight. Returns it, and the time at which the cue ball comes over each ball."""
     shot: Any = simulate(FLIGHT, places, velocity, measures=[OVER], record=True, **options)
     times = shot.measures[OVER]
     return shot, {ball: times[ball] for ball in np.flatnonzero(np.isfinite(times)).tolist()}

@@ -16,12 +16,13 @@ in contact mechanics, arXiv:1601.03545). Then the equation has no solution, or s
 if the force is finite but larger than friction. So the result is the limit of that for less friction.
 
 The solution is a sequence of Taylor series of order `ORDER`, whose coefficients follow from recurrences (Moore 1966,
-Interval Analysis, chapter 11). Let rho and sigma be the sizes of the slips at the cushion and at the cloth. If the
-cushion slips, they are series in tau with dP = rho dtau, in which a slip that stops decays exponentially. If the cloth
-slips too and its slip falls or turns fast, dP = rho sigma dtau, over rho + sigma at the start of the step. Otherwise
-they are series in P. Slips that begin are t u(t), or t^2 u(t) at the end of a stick, where t is P or tau. A step ends
-where the last term of a series is 1e-16 of the slips. It also ends where a contact begins to slip, the ball leaves the
-cloth or a phase ends. Each of these times is a root of a polynomial.
+Interval Analysis, chapter 11). Let rho and sigma be the sizes of the slips at the cushion and at the cloth. The
+series are in P if the contact at the cushion does not slip. If it slips, they are in tau with dP = rho dtau. If the
+contact at the cloth slips too and its slip falls or turns fast, dP = rho sigma / (rho_0 + sigma_0) dtau, with the sizes
+rho_0 and sigma_0 at the start of the step. The slips in dP set the pace: if one stops, it decays exponentially in tau.
+Slips that begin are t u(t), or t^2 u(t) at the end of a stick, where t is P or tau. A step ends where the last term of
+a series is 1e-16 of the slips. It also ends where a contact begins to slip, the ball leaves the cloth or a phase ends.
+Each of these times is a root of a polynomial.
 
 Near the limit of sticking, a slip creeps: in tau, it needs hundreds of steps to stop, or to grow again. Its direction e
 then depends only on the other slip, because the part of e that depends on the past has decayed: the motion is on a slow
@@ -52,7 +53,7 @@ _NO_PRESS = 1e-9  # at a smaller press over `mu_cloth`, the last event decides w
 _SMALL = 0.01  # a restitution below which the end of the compression ends a step, for the digits of the work left
 _MOST_STEPS = 400  # a limit for safety; an impact has about 10
 _PATIENCE = 300  # the number of steps after which `_STOPPED` doubles in each step, so that two small slips stop
-_TURNS = 0.1  # the largest angle by which the slip at the cloth turns in dtau = dP / rho = 1, for series in this tau
+_TURNS = 0.1  # the largest angle by which the slip at the cloth turns in dP = rho if the other slip sets the pace
 _USUAL_STEPS = 100  # the number of steps after which a small slip is tested for creeping
 _CREEP = 0.02  # the largest slip that creeps, over the other slip
 _SWEEPS = 24  # the number of sweeps for a slip that creeps
@@ -135,7 +136,7 @@ def _first(row, low, t, end, event):
 
 @kernel
 def step_length(c, by_nose, by_cloth):
-    """Returns the length of a step: its last term is about `_TERM`, and a slip that falls in P keeps a quarter.
+    """Returns the length of a step: its last term is about `_TERM`. In P, a slip that falls keeps a quarter.
 
     It is zero if the series overflows.
     """
@@ -231,7 +232,7 @@ def _begin(k, slip, sums, force, reaction):  # out: slip
 def _sweep(c, by_nose, by_cloth, nose):  # out: c
     """Writes the series of `_slip_one` from their first terms, and returns `step_length`.
 
-    The forces, such as (ax, ay), are times the pace of the series, dP/dtau, which is rho if the nose slips.
+    The forces, such as (ax, ay), are multiplied by the pace of the series: dP/dtau = rho if the nose slips, else 1.
     """
     sin, cos, mu, mu_cloth = nose
     x, y, u, v, vx, work, vy, rho, sigma = c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8]
@@ -304,7 +305,7 @@ def _sweep(c, by_nose, by_cloth, nose):  # out: c
 def _slip_one(c, at_nose, at_cloth, nose):  # out: c
     """Writes the series of (x, y, u, v, vx, work, vy, rho, sigma) from c[:6, 0], and returns `step_length`.
 
-    They are series in P, but if the nose slips, in tau with dP = rho dtau. `at_nose` and `at_cloth` describe the
+    The series are in tau with dP = rho dtau if the nose slips, else in P. `at_nose` and `at_cloth` describe the
     contacts: the state, the direction (x, y) of the slip, and the rate in P of a slip that begins, otherwise 0.
     """
     (by_nose, ex, ey, rate), (by_cloth, fx, fy, rate_c), length = at_nose, at_cloth, 0.0
@@ -418,7 +419,7 @@ def _hold(row, x, y, limit):  # out: row
 
 @kernel
 def _advance(c, t):  # out: c
-    """Returns `c` with (x, y, u, v, vx, work) after a step t as order 0 of their series."""
+    """Writes (x, y, u, v, vx, work) after a step t to order 0 of their series, and returns `c`."""
     for row in range(6):
         value = c[row, ORDER]
         for k in range(ORDER - 1, -1, -1):
@@ -485,7 +486,7 @@ def _contacts(motion, states, first, lifted, nose):
 
 @kernel
 def _paced_by_both(rho, sigma, at_nose, at_cloth, nose):
-    """Returns whether two slips are series in tau; otherwise the slip at the cloth grows and hardly turns."""
+    """Returns whether both slips set the pace; otherwise the slip at the cloth does not fall and hardly turns."""
     (_, ex, ey, _), (_, fx, fy, _), (sin, cos, mu, mu_cloth) = at_nose, at_cloth, nose
     press = 3.5 * mu_cloth * (sin + mu * cos * ey)
     du, dv = -(1.0 - 2.5 * sin) * mu * ex - press * fx, -(2.5 - sin) * mu * ey - press * fy - cos
