@@ -360,6 +360,10 @@ def _check(config: Config) -> None:
             raise ValueError(f"{name} = {value!r}: expected {expected!r} with learner = 'likelihood'")
     if config.settings["goals"] and config.env["goal_radius"] is None:
         raise ValueError(f"likelihood.goals = {config.settings['goals']}: expected 0 in a task without a goal")
+    if config.settings["goals"] and config.settings["imitation"] <= _BEGIN:
+        raise ValueError(
+            f"likelihood.imitation = {config.settings['imitation']}: expected more than {_BEGIN} with goals"
+        )
     config.n_envs = config.settings["layouts"]
 
 

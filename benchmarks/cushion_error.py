@@ -28,6 +28,7 @@ from billiards_env.physics.laws.mathavan import CushionNose, follow_impact
 
 KINDS = (
     "rolling",
+    "almost rolling",
     "stun",
     "spin",
     "heavy spin",
@@ -53,6 +54,8 @@ def draw(kind: str, rng: np.random.Generator) -> tuple[tuple[float, ...], Cushio
     match kind:
         case "rolling":
             rwx, rwy = -vy, vx
+        case "almost rolling":
+            rwx, rwy = small[0] - vy, small[1] + vx
         case "stun":
             rwx = rwy = 0.0
         case "slip almost stops":

@@ -454,24 +454,32 @@ def bench(args: argparse.Namespace) -> None:
 
 def _verify(path: Path, noise_seed: int, player: str | None) -> None:
     """Verifies a file, and prints its scores and those of its actions or of the player with new noise."""
-    from billiards_env.bench import benchmark as bench
+    import gymnasium as gym
 
+    from billiards_env.bench import benchmark as bench
+    from billiards_env.bench.frozen import NAMESPACE
+    from billiards_env.players.named import find_player
+
+    noisy = [one for one in bench.load(path).results if FROZEN[one.task].noise]
+    longer = [one for one in noisy if not bench.is_one_noisy_shot(one.task)]
+    if player is not None:
+        if not longer:
+            raise ValueError(f"--again = {player!r}: expected a file with a task of several shots with noise")
+        for one in longer:  # a wrong name is an error before the replay
+            find_player(player, gym.make(NAMESPACE + one.task))
     verified = bench.verify(path)
     print(f"{path}: accepted, {verified.player}\n{bench.score_table(verified)}", flush=True)
     other = bench.fresh(verified, noise_seed)
     if other.results:
         print(f"the same actions, {bench.DRAWS} draws of the noise from seed {noise_seed}:", flush=True)
         print(bench.score_table(other), flush=True)
-    longer = [one for one in verified.results if FROZEN[one.task].noise and not bench.is_one_noisy_shot(one.task)]
-    tasks, seeds = (tuple(dict.fromkeys(getattr(one, name) for one in longer)) for name in ("task", "seed"))
-    if longer and player is not None:
-        print(f"{player} plays again with the noise of seed {noise_seed}:", flush=True)
-        print(bench.score_table(bench.play_tasks(player, tasks, seeds, noise_seed=noise_seed)), flush=True)
-    for task in tasks if player is None else ():
-        print(
-            f"{task}: replayed only, the player may have computed the noise beforehand (--again plays the task)",
-            flush=True,
-        )
+    if player is None:
+        for task in dict.fromkeys(one.task for one in longer):
+            print(f"{task}: replayed only, the player may have computed the noise beforehand", flush=True)
+        return
+    print(f"{player} plays again with the noise of seed {noise_seed}:", flush=True)
+    again = [bench.play_tasks(player, [one.task], [one.seed], noise_seed=noise_seed).results[0] for one in longer]
+    print(bench.score_table(bench.Bench(player, tuple(again))), flush=True)
 
 
 def calibrate(args: argparse.Namespace) -> None:

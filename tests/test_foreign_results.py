@@ -20,7 +20,7 @@ from billiards_env import (
     register_scene,
     register_task,
 )
-from billiards_env.engine.measures import MEASURES
+from billiards_env.engine.measures import MEASURES, Measure
 from billiards_env.envs import make_env
 from billiards_env.envs.actions import ACTIONS, Action
 from billiards_env.envs.observations import FEATURES, Feature
@@ -203,6 +203,28 @@ def untyped_fact(shots, k, bits):
     return 0
 
 
+@inlined
+def record_start(moment, i, j, k, scene, state, shots):
+    pass
+
+
+@inlined
+def unknown_of_shots(moment, i, j, k, scene, state, shots):
+    shots.first[k] = 0
+
+
+def in_measure(record: Any = record_start, shape: Any = (1,), largest: Any = lambda *_: 1.0) -> None:
+    register_measure(name := next(NAMES), Measure("", shape, record, largest))
+    make_env(observe=["positions", name]).reset(seed=0)
+
+
+@inlined
+def other_meanings(state, facts, call):
+    """Reads attributes of names that are no arguments."""
+    facts = verdict()
+    return verdict(facts.foul, facts.points)
+
+
 def new_game(**fields: Any) -> str:
     usual: dict[str, Any] = {"judge": right, "legal": any_ball, "scene": "pool", "layouts": ("random",)}
     game = Game(**{**usual, "n_object_balls": (1, 15), "won_by": "", **fields})
@@ -357,6 +379,11 @@ WRONG: list[tuple[Any, Any, str]] = [
     (in_task, SOURCELESS, "^task " + KERNELS + " of the documentation; EpisodeArrays has no field 'nonsense'$"),
     (lambda judge: in_game(judge=judge), PLAIN, "^judge of game 'wrong_.*' = .*: expected a kernel"),
     (lambda judge: in_game(judge=judge), half_a_ball, "^judge of game 'wrong_.*: expected a function with 3 arguments"),
+    (in_measure, unknown_of_shots, FIELD.format("shots", "record of measure", "first", "first_hit")),
+    (lambda shape: in_measure(shape=shape), (0,), "^size in shape of measure 'wrong_.*' = 0: expected a whole number"),
+    (lambda shape: in_measure(shape=shape), ("ball",), "^size in shape of measure 'wrong_.*' = 'ball': expected a"),
+    (lambda largest: in_measure(largest=largest), lambda *_: 0.0, "^largest of measure 'wrong_.*' = 0.0: expected a"),
+    (lambda largest: in_measure(largest=largest), lambda *_: "a", "^largest of measure 'wrong_.*' = 'a': expected a"),
     (lambda judge: in_game(judge=judge), unknown_in_state, FIELD.format("state", "judge of game", "score", "scores")),
     (
         lambda fact: in_game(facts=(*USUAL, fact)),
@@ -459,6 +486,10 @@ def test_a_wrong_result_is_an_error_that_names_the_entry(use, wrong, message):
 def test_errors_of_the_function_itself_pass(use):
     with pytest.raises(LookupError, match="mine"):
         use(failing)
+
+
+def test_names_that_a_kernel_assigns_are_no_arguments():
+    in_game(judge=other_meanings)
 
 
 @pytest.mark.parametrize(

@@ -114,7 +114,7 @@ def test_a_measure_is_recorded_in_shots_environments_and_infos():
     observation, *_, info = env.step(np.array([1.0, 0.0]))
     assert info["impacts"] == shot.measures["impacts"] == pytest.approx(100 * observation[0])
     entry = MEASURES["impacts"]
-    for wrong, error in (("positions", "that no feature has"), ("first_hit_velocities", "that no other measure has")):
+    for wrong, error in (("positions", "that no other feature has"), ("first_hit_velocities", "that no other measure has")):
         with pytest.raises(ValueError, match=f"name = {wrong!r}: expected a name {error}"):
             register_measure(wrong, entry)
     with pytest.raises(TypeError, match=r"record of measure 'impacts' = .*: expected a kernel"):
@@ -126,19 +126,20 @@ def test_a_changed_measure_replaces_the_old_one():
     module, entry = importlib.import_module("my_billiards"), MEASURES["impacts"]
 
     @inlined
-    def record_pair(moment, i, j, k, scene, state, shots):
+    def record_second(moment, i, j, k, scene, state, shots):
         if moment == AFTER_IMPACT and shots.first_hit[k] < 0:
-            shots.measures[k].impacts[:] = i, j
+            shots.measures[k].impacts[:] = j
 
-    record_pair.__module__ = module.__name__
+    record_second.__module__ = module.__name__
 
     def measured() -> Any:
         shot: Any = simulate("pool", IN_LINE, [3.0, 0.0], measures=["impacts"])
         return shot.measures["impacts"].tolist()
 
     assert measured() >= 1
-    register_measure("impacts", entry._replace(shape=(2,), record=record_pair))
-    assert measured() == [0.0, 1.0]
+    for size in (2, 3):  # also if only the shape changes
+        register_measure("impacts", entry._replace(shape=(size,), record=record_second))
+        assert measured() == [1.0] * size
     register_measure("impacts", entry)
     assert measured() >= 1
 

@@ -237,6 +237,8 @@ def measure(parts: str, only: str, workers: int, job: Job) -> dict[str, Any]:
             row = done[name].result()
             if "results" in row:
                 row = compared(row, published if name == "record" else done["record"].result()["results"])
+                if row["names"]:
+                    print(f"{row['machine']}: other bits in {', '.join(row['names'])}", flush=True)
             rows += [{k: row[k] for k in ("machine", "compared", "other")}] if row else []
     return {"machine": on, "rows": rows, "left_out": done["record"].result()["left_out"]} if rows else {}
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import pic, pit
 from billiards_env.engine.contact_rule import CONTACT_TIME, longest_run, weak_speed
-from billiards_env.engine.measures import record_nothing
+from billiards_env.engine.measures import MEASURES, Measure, recorder
 from billiards_env.engine.overlaps import FIXES, TREATMENTS, Fix
 from billiards_env.engine.space import space_of
 from billiards_env.jit import Typed
@@ -154,14 +154,18 @@ def run_shots_of(scene: Scene, engine: Engine) -> tuple[Callable[..., None], Any
     return pic.run_shots, pic.PicKernels(scene_kernels(scene), queue)
 
 
-@cached_by_scene
-def typed_run(scene: Scene, engine: Engine, has_scatter: bool = False, record: Any = record_nothing) -> Typed:
+def typed_run(scene: Scene, engine: Engine, has_scatter: bool = False, measures: tuple[str, ...] = ()) -> Typed:
     """Returns the function that runs the shots of a scene by an engine, without its argument `kernels`.
 
-    The types of its arrays must be those of `empty_shots`. `record` is the kernel of `measures.recorder`.
+    The types of its arrays must be those of `empty_shots`.
     """
+    return _typed_run(scene, engine, has_scatter, tuple(MEASURES[name] for name in measures))
+
+
+@cached_by_scene
+def _typed_run(scene: Scene, engine: Engine, has_scatter: bool, measures: tuple[Measure, ...]) -> Typed:
     run_shots, kernels = run_shots_of(scene, engine)
-    return Typed(run_shots, kernels._replace(record=record))
+    return Typed(run_shots, kernels._replace(record=recorder(measures)))
 
 
 def scene_fields(scene: Scene, engine: Engine = PIC) -> tuple[Any, ...]:

@@ -120,9 +120,9 @@ def record_nothing(moment, i, j, k, scene, state, shots):
     """Records no measure."""
 
 
-def recorder(names: tuple[str, ...]) -> Callable[..., None]:
+def recorder(measures: tuple[Measure, ...]) -> Callable[..., None]:
     """Returns the kernel that records measures."""
-    return functools.reduce(_with_one_more, (MEASURES[name].record for name in names), record_nothing)
+    return functools.reduce(_with_one_more, (measure.record for measure in measures), record_nothing)
 
 
 @functools.cache

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from billiards_env.doors import Entries, offered
 from billiards_env.engine.measures import MEASURES, Measure
+from billiards_env.engine.shots import Shots
 from billiards_env.envs.arguments import Model
 from billiards_env.envs.episode_arrays import EpisodeArrays, TaskNumbers
 from billiards_env.envs.goal_observations import ACHIEVED, DESIRED, write_achieved, write_desired
@@ -32,11 +33,12 @@ from billiards_env.games.game_state import ANYWHERE, BEHIND, CALLS, PUSH_OUT
 from billiards_env.jit import Typed, check_kernel, entry_point, inlined
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import distance_to_segment
-from billiards_env.physics.state import CUE_BALL, X, Y
+from billiards_env.physics.state import CUE_BALL, SceneArrays, State, X, Y
 from billiards_env.scene import Scene
 from billiards_env.support.checks import (
     Range,
     add_entry,
+    check_attributes,
     entry_of,
     integer,
     is_foreign,
@@ -176,7 +178,8 @@ def feature_of(name: str, measure: Measure) -> Feature:
 
     def reads(source: Source) -> tuple[Any, ...]:
         fresh, values = source.arrays.fresh, source.arrays.measures[name]
-        return fresh, values.reshape(len(fresh), -1), measure.largest(source.scene, source.model.max_speed)
+        largest = measure.largest(source.scene, source.model.max_speed)
+        return fresh, values.reshape(len(fresh), -1), real(f"largest of measure {name!r}", largest, _LARGEST)
 
     summary = f"{measure.summary}, in the last shot of the episode; zeros if there is none"
     return Feature(summary, measure.shape, -1.0, write_measure, reads)
@@ -481,15 +484,25 @@ def register_measure(name: str, measure: Measure) -> None:
 
     Raises:
         TypeError: Also if `record` is not a kernel.
-        ValueError: Also if a feature that is not a measure has the name.
+        ValueError: Also if a size of the shape is invalid, `record` uses a field that `SceneArrays`, `State` or `Shots`
+            does not have, or a feature that is not a measure has the name.
     """
     if isinstance(measure, Measure):
         check_kernel(f"record of measure {name!r} = {short(measure.record)}", measure.record)
     if name in FEATURES and name not in MEASURES:
-        raise ValueError(f"name = {name!r}: expected a name that no feature has")
-    add_entry("measure", name, measure, MEASURES, Measure, record=7, largest=2)
+        raise ValueError(f"name = {name!r}: expected a name that no other feature has")
+    add_entry("measure", name, measure, dict(MEASURES), Measure, record=7, largest=2)  # checks the types
+    for size in measure.shape:
+        if size != "balls":
+            integer(f"size in shape of measure {name!r}", size, _SIZES)
+    fields = SceneArrays._fields, State._fields, Shots._fields
+    check_attributes(f"record of measure {name!r}", measure.record, *[()] * 4, *fields)
+    MEASURES[name] = measure
     FEATURES[name] = feature_of(name, measure)
 
+
+_LARGEST, _SIZES = Range(1e-12, 1e12), Range(1, 1_000_000)
+"""The range of `Measure.largest`, and of the numbers in `Measure.shape`."""
 
 ROW = "observation"
 """The key of the row of features in an observation that also has images or goals."""

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import MAX_EVENTS, NO_LOG, STATUS, ShotInput, Shots, typed_run
 from billiards_env.engine.frozen_strike import strike_frozen
-from billiards_env.engine.measures import recorder
 from billiards_env.engine.shots import start_fields
 from billiards_env.envs.actions import (
     SIDE,
@@ -239,7 +238,7 @@ def drive_frozen(state: State, begin: int, end: int, strokes: Floats) -> None:
 
 def engine_run(model: Model) -> Callable[..., None]:
     """Returns the part that runs the shots."""
-    run_shots = typed_run(model.scene, model.engine, model.scatter is not None, recorder(model.measures))
+    run_shots = typed_run(model.scene, model.engine, model.scatter is not None, model.measures)
     limit = time_limit(model)
 
     def run(state: State, begin: int, end: int, strokes: Floats) -> None:

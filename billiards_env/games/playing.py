@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.engine.compile import PIC, Engine, check_engine, scene_fields
 from billiards_env.engine.frozen_strike import strike_frozen
+from billiards_env.engine.measures import checked_measures
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.engine.shots import RISING
 from billiards_env.games.entry import Game, no_look
@@ -431,7 +432,7 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     shot_input = ShotInput(positions, velocities, spins, balls, cue, heights, scene.physics.max_time or math.inf)
     strike_frozen(scene, scene_fields(scene), shot_input.as_batch())
     rules, call, last = setup.game_rules, stroke.call, game.before or game
-    shot = run_shot(scene, shot_input, setup.engine, record=True, measures=rules.measures)
+    shot = run_shot(scene, shot_input, setup.engine, record=True, measures=checked_measures(rules.measures))
     calls = np.array([row({**call._asdict(), "kind": CALLS.index(call.kind)}, CALL)])
     before = last.positions[None], np.array([last.state])
     with kernels_of(f"rules = {setup.rules!r}"):

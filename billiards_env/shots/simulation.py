@@ -23,7 +23,7 @@ from billiards_env.engine.compile import (
 )
 from billiards_env.engine.frozen_strike import strike_frozen
 from billiards_env.engine.log import N_EVENTS_LOGGED, NO_LOG, ShotLog, empty_log, joined, with_room
-from billiards_env.engine.measures import checked_measures, recorder
+from billiards_env.engine.measures import checked_measures
 from billiards_env.engine.shot_input import ShotInput, check_shot, check_varied
 from billiards_env.engine.shots import STATUS, Shots, empty_shots, start_fields
 from billiards_env.engine.strikes import Strike
@@ -168,7 +168,7 @@ def run_shot(
         The balls at the end of the shot, and what happened.
     """
     n = scene.n_balls
-    run_shots = typed_run(scene, engine, shot.scatter is not None, recorder(measures))
+    run_shots = typed_run(scene, engine, shot.scatter is not None, measures)
     arrays = with_scatter(scene_fields(scene, engine), shot.scatter)
     room = 256 if record else 0
     while True:
@@ -387,7 +387,7 @@ def simulate_batch(
     moving, turning = numbers("velocities", moving), None if turning is None else numbers("spins", turning)
     limit = check_shot(scene, positions, moving, turning, in_play, max_time, shots, threads).limit
     in_play = None if in_play is None else np.broadcast_to(np.array(in_play), shots.in_play.shape)
-    run_shots, plain = typed_run(scene, engine, scattered is not None, recorder(asked)), tuple(shots)
+    run_shots, plain = typed_run(scene, engine, scattered is not None, asked), tuple(shots)
     arrays = with_scatter(varied_fields(scene, engine, varied, m), scattered)
     if isinstance(velocities, Strike) and strike_frozen(scene, arrays, start_fields(plain), end=m):
         start = ShotInput(*start_fields(shots))

@@ -366,6 +366,8 @@ def check_call(what: str, function: Any, count: int, expected: str = "") -> None
 def check_attributes(what: str, function: Any, *names: tuple[str, ...]) -> None:
     """Checks which attributes of its arguments a function uses. Does nothing if its source code is not available.
 
+    It does not check names that begin with "_", and names that the function assigns, which then are no arguments.
+
     Args:
         what: The name of the function, used in error messages.
         function: The function or kernel.
@@ -377,12 +379,19 @@ def check_attributes(what: str, function: Any, *names: tuple[str, ...]) -> None:
     function = getattr(function, "py_func", function)
     try:
         known = dict(zip(inspect.signature(function).parameters, names, strict=False))
-        code = ast.parse(textwrap.dedent(inspect.getsource(function)))
+        (code,) = ast.parse(textwrap.dedent(inspect.getsource(function))).body
     except (OSError, TypeError, ValueError, SyntaxError):  # ValueError and TypeError for built-in functions
         return
-    for node in ast.walk(code):
-        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and known.get(node.value.id):
-            one_of(f"attribute of {node.value.id!r} in {what}", node.attr, known[node.value.id])
+    if not isinstance(code, ast.FunctionDef):  # the statement around a lambda
+        return
+    nodes = [node for statement in code.body for node in ast.walk(statement)]
+    for node in nodes:
+        if isinstance(node, ast.arg) or (isinstance(node, ast.Name) and not isinstance(node.ctx, ast.Load)):
+            known.pop(node.arg if isinstance(node, ast.arg) else node.id, None)
+    read = [node for node in nodes if isinstance(node, ast.Attribute) and node.attr[0] != "_"]
+    for node in read:
+        if isinstance(node.value, ast.Name) and (fields := known.get(node.value.id)):
+            one_of(f"attribute of {node.value.id!r} in {what}", node.attr, fields)
 
 
 def result_of(name: str, kind: Any, function: Callable[..., Any], *arguments: Any) -> Any:

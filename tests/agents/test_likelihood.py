@@ -274,6 +274,10 @@ def test_with_noise_the_shots_of_an_update_are_noisy(monkeypatch):
         ({"task": None, "env": {"task": "nine_ball", "n_players": 2}}, "env.n_players = 2: expected 1 with learner"),
         ({"likelihood": {"imitation": 1.5}}, "likelihood.imitation = 1.5: expected"),
         ({"task": "Pot1-v0", "likelihood": {"goals": 1}}, "likelihood.goals = 1: expected 0 in a task without a goal"),
+        (
+            {"task": "Place-v0", "likelihood": {"goals": 1, "imitation": 0.3}},
+            "likelihood.imitation = 0.3: expected more than 0.3 with goals",
+        ),
     ],
 )
 def test_wrong_settings_are_refused(changes, message, kind):

@@ -106,6 +106,11 @@ def test_a_seed_of_the_noise_is_recorded_and_changes_only_the_noise(tmp_path, ca
     other = bench.play_tasks("geometric", ["Pot3Noise-v0"], noise_seed=3)
     assert "\n".join(lines).endswith(f"geometric plays again with the noise of seed 3:\n{bench.score_table(other)}")
     assert bench.fresh(entry, 3).results[0].digest != noisy.digest
+    for player, tasks, message in (("nobody", entry.results, "player = 'nobody'"), ("random", (noisy,), "--again = ")):
+        bench.save(tmp_path / "a.json", entry._replace(results=tasks))
+        with pytest.raises(SystemExit, match=message):
+            main(["bench", "verify", str(tmp_path / "a.json"), "--again", player])
+        assert capsys.readouterr().out == ""
     assert longer.shots.max() > 1
 
 

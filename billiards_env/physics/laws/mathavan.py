@@ -54,6 +54,7 @@ _SMALL = 0.01  # a restitution below which the end of the compression ends a ste
 _MOST_STEPS = 400  # a limit for safety; an impact has about 10
 _PATIENCE = 300  # the number of steps after which `_STOPPED` doubles in each step, so that two small slips stop
 _TURNS = 0.1  # the largest angle by which the slip at the cloth turns in dP = rho if the other slip sets the pace
+_GROWS = 10.0  # the largest growth of this slip over itself in dP = rho; otherwise both slips set the pace
 _USUAL_STEPS = 100  # the number of steps after which a small slip is tested for creeping
 _CREEP = 0.02  # the largest slip that creeps, over the other slip
 _SWEEPS = 24  # the number of sweeps for a slip that creeps
@@ -486,11 +487,12 @@ def _contacts(motion, states, first, lifted, nose):
 
 @kernel
 def _paced_by_both(rho, sigma, at_nose, at_cloth, nose):
-    """Returns whether both slips set the pace; otherwise the slip at the cloth does not fall and hardly turns."""
+    """Returns whether both slips set the pace: if the slip at the cloth falls, or grows or turns fast."""
     (_, ex, ey, _), (_, fx, fy, _), (sin, cos, mu, mu_cloth) = at_nose, at_cloth, nose
     press = 3.5 * mu_cloth * (sin + mu * cos * ey)
     du, dv = -(1.0 - 2.5 * sin) * mu * ex - press * fx, -(2.5 - sin) * mu * ey - press * fy - cos
-    return fx * du + fy * dv < 0.0 or abs(fx * dv - fy * du) * rho > _TURNS * sigma
+    growth, turn = fx * du + fy * dv, abs(fx * dv - fy * du)
+    return growth < 0.0 or growth * rho > _GROWS * sigma or turn * rho > _TURNS * sigma
 
 
 @kernel
