@@ -114,7 +114,10 @@ def test_a_measure_is_recorded_in_shots_environments_and_infos():
     observation, *_, info = env.step(np.array([1.0, 0.0]))
     assert info["impacts"] == shot.measures["impacts"] == pytest.approx(100 * observation[0])
     entry = MEASURES["impacts"]
-    for wrong, error in (("positions", "that no other feature has"), ("first_hit_velocities", "that no other measure has")):
+    for wrong, error in (
+        ("positions", "that no other feature has"),
+        ("first_hit_velocities", "that no other measure has"),
+    ):
         with pytest.raises(ValueError, match=f"name = {wrong!r}: expected a name {error}"):
             register_measure(wrong, entry)
     with pytest.raises(TypeError, match=r"record of measure 'impacts' = .*: expected a kernel"):
