@@ -31,15 +31,28 @@ void *NRT_MemInfo_alloc_aligned(Word size, uint32_t align) {
   return info;
 }
 void *NRT_MemInfo_alloc_safe_aligned(Word size, uint32_t align) { return NRT_MemInfo_alloc_aligned(size, align); }
+void *NRT_MemInfo_alloc(Word size) { return NRT_MemInfo_alloc_aligned(size, 16); }
+void *NRT_Allocate(Word size) { return take(size); }
+void NRT_Free(void *memory) {}
 void NRT_MemInfo_call_dtor(void *info) {}
 void NRT_incref(void *info) {}
 void NRT_decref(void *info) {}
 int PyGILState_Ensure(void) { return 0; }
 void PyGILState_Release(int lock) {}
 int PyErr_CheckSignals(void) { return 0; }
+char PyExc_RuntimeError;
+void PyErr_SetString(void *kind, void *text) {}
 void *PyImport_ImportModule(void *name) { return object; }
 void *PyObject_CallMethod(void *of, void *name, void *format, ...) { return object; }
 void Py_DecRef(void *of) {}
+/* The strides of a contiguous array of another shape. */
+int numba_attempt_nocopy_reshape(Word n, Word *sizes, Word *strides, Word m, Word *shape, Word *out, Word size, int order) {
+  while (m--) {
+    out[m] = size;
+    size *= shape[m];
+  }
+  return 1;
+}
 double numba_ldexp(double x, int n) { return ldexp(x, n); }
 double numba_frexp(double x, int *e) { return frexp(x, e); }
 

@@ -140,7 +140,7 @@ def compiled(folder: Path, number: int, target: Target) -> bytes:
 
 def other_order(text: str) -> str:
     """Returns the bytes of a constant of LLVM with each 8 of them in the other order."""
-    letters = re.findall(r"\\..|.", text, re.DOTALL)
+    letters = re.findall(r"\\\\|\\..|.", text, re.DOTALL)  # LLVM writes a backslash as two
     return "".join(itertools.chain.from_iterable(letters[k : k + 8][::-1] for k in range(0, len(letters), 8)))
 
 
