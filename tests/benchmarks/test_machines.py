@@ -124,6 +124,7 @@ def test_a_file_of_calls_has_the_byte_order_of_its_machine(big):
 
 def test_constants_of_a_big_endian_machine_have_the_other_order():
     assert replay.other_order("abcdefg\\00\\5C\\22345678") == "\\00gfedcba876543\\22\\5C"
+    assert replay.other_order("\\\\0CDEFGH") == "HGFEDC0\\\\"  # LLVM writes a backslash as two
 
 
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
