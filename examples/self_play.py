@@ -54,7 +54,7 @@ def planning(model: Any, games: Any) -> Callable:
         on_table, legal = ~games.potted[rows], games.legal_balls[rows]
         tables = Tables(scene, games.positions[rows], on_table, legal, GAME["max_speed"])
         chosen, _ = policy.predict(observations, action_masks=plans.mask(tables), deterministic=True)
-        return plans.velocities(chosen.astype(float), tables) / GAME["max_speed"] if converts else chosen
+        return plans.strokes(chosen.astype(float), tables) if converts else chosen
 
     return play
 
@@ -113,8 +113,7 @@ def player(path: str) -> Player:
         plans = Plans(setup.scene)
         observation = game_observation(setup, game, table.max_speed, observe=OBSERVE)
         chosen, _ = model.predict(observation, action_masks=plans.mask(table)[0], deterministic=True)
-        (velocity,) = plans.velocities(np.array([chosen], float), table)
-        return situation.stroke(velocity / table.max_speed)
+        return situation.stroke(plans.strokes(np.array([chosen], float), table)[0])
 
     return play
 

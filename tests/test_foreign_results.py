@@ -91,22 +91,22 @@ def in_action(converter: Any, size: Any = 2, is_choice: bool = False) -> None:
 class Converter:
     """A converter with given results."""
 
-    def __init__(self, velocities: Any, mask: Any = None, choices: Any = 0) -> None:
-        self.made, self.masks, self.choices = velocities, mask, choices
+    def __init__(self, strokes: Any, mask: Any = None, choices: Any = 0) -> None:
+        self.made, self.masks, self.choices = strokes, mask, choices
 
-    def velocities(self, actions: Any, tables: Any) -> Any:
+    def strokes(self, actions: Any, tables: Any) -> Any:
         return self.made(actions, tables) if callable(self.made) else self.made
 
     def mask(self, tables: Any) -> Any:
         return self.masks
 
 
-def velocities(*result: Any) -> Any:
+def strokes(*result: Any) -> Any:
     return lambda scene, max_speed: Converter(*result)
 
 
 def mask(result: Any, choices: Any = 3) -> Any:
-    return functools.partial(in_action, velocities([[0.1, 0.0]], result, choices), is_choice=True)
+    return functools.partial(in_action, strokes([[0.1, 0.0]], result, choices), is_choice=True)
 
 
 @entry_point
@@ -325,15 +325,15 @@ WRONG: list[tuple[Any, Any, str]] = [
     (in_layout, spots((1,), SPOTS, shuffled=8), "^shuffled of layout 'wrong_.*' = 8: expected a whole number"),
     (in_action, lambda scene: None, "^converter of action 'wrong_.*' " + ARGUMENTS.format(2)),
     (in_action, ending, "^converter of action 'wrong_.*' " + ENDED),
-    (in_action, lambda scene, speed: None, "^converter of action 'wrong_.*' = None: expected a method 'velocities'"),
-    (in_action, velocities(None), "^velocities of action 'wrong_.*' = None: " + NUMBERS),
-    (in_action, velocities(0.5), r"^velocities of action 'wrong_.*' has shape \(\): expected \(1, 2\)"),
-    (in_action, velocities(SPOTS), r"^velocities of action 'wrong_.*' has shape \(2, 2\): expected \(1, 2\)"),
-    (in_action, velocities([["1", "0"]]), "^velocities of action 'wrong_.*: " + NUMBERS),
-    (in_action, velocities([[1j, 0]]), "^velocities of action 'wrong_.*: " + NUMBERS),
-    (in_action, velocities(np.array([[NAN, 0.0]])), "^velocities of action 'wrong_.*: " + NUMBERS),
-    (in_action, velocities(np.array([[np.inf, 0.0]])), "^velocities of action 'wrong_.*: " + NUMBERS),
-    (in_action, velocities(ending), "^velocities of action 'wrong_.*' " + ENDED),
+    (in_action, lambda scene, speed: None, "^converter of action 'wrong_.*' = None: expected a method 'strokes'"),
+    (in_action, strokes(None), "^strokes of action 'wrong_.*' = None: " + NUMBERS),
+    (in_action, strokes(0.5), r"^strokes of action 'wrong_.*' has shape \(\): expected \(1, 2\)"),
+    (in_action, strokes(SPOTS), r"^strokes of action 'wrong_.*' has shape \(2, 2\): expected \(1, 2\)"),
+    (in_action, strokes([["1", "0"]]), "^strokes of action 'wrong_.*: " + NUMBERS),
+    (in_action, strokes([[1j, 0]]), "^strokes of action 'wrong_.*: " + NUMBERS),
+    (in_action, strokes(np.array([[NAN, 0.0]])), "^strokes of action 'wrong_.*: " + NUMBERS),
+    (in_action, strokes(np.array([[np.inf, 0.0]])), "^strokes of action 'wrong_.*: " + NUMBERS),
+    (in_action, strokes(ending), "^strokes of action 'wrong_.*' " + ENDED),
     (functools.partial(in_action, size=3), None, "^size of action 'wrong_.*' = 3: expected 2, or 5"),
     (mask(None), ..., "^mask of action 'wrong_.*' = None: " + NUMBERS),
     (mask([[1, 1]]), ..., r"^mask of action 'wrong_.*' has shape \(1, 2\): expected \(1, 3\)"),

@@ -176,10 +176,11 @@ def with_numba(folder: Path, name: str, names: list[str]) -> Row:
 
 
 def in_browser(folder: Path) -> Row:
-    """Compares shots in a browser."""
+    """Builds the engines for browsers, and compares shots in a browser."""
     if shutil.which("google-chrome") is None:
         tool("chromium", "chromium")
     result = folder / "web results"
+    run(folder / "page.log", sys.executable, "-m", "docs.web.build")
     run(folder / "web.log", sys.executable, "-m", "docs.web.check", "--shots", "100", "--output", result)
     rows = json.loads(result.read_text(encoding="utf-8"))["rows"]
     count, same = (sum(row[key] for row in rows) for key in ("shots", "browser"))

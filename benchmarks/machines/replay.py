@@ -124,11 +124,12 @@ def compiled(folder: Path, number: int, target: Target) -> bytes:
         text = _CONSTANT.sub(lambda found: f'{found[1]}{other_order(found[2])}"', text)
     if target is CONTROL:
         text = re.sub(r"= f(mul|add|sub) double", r"= f\1 contract double", text)
-    kinds = [str(kind.type) for kind in llvm.parse_assembly(text).get_function(about["function"]).arguments]
+    module = llvm.parse_assembly(text)
+    kinds = [str(kind.type) for kind in module.get_function(about["function"]).arguments]
+    module.link_in(llvm.parse_assembly("\n".join(caller(number, about, kinds))))
     triple = target.gcc.replace("-", "-unknown-", 1)
     options = {"opt": 3, "reloc": "pic", "cpu": target.cpu, **target.options}
     machine = llvm.Target.from_triple(triple).create_target_machine(**options)
-    module = llvm.parse_assembly("\n".join([text, *caller(number, about, kinds)]))
     module.triple, module.data_layout = triple, str(machine.target_data)
     for function in module.functions:
         if not function.is_declaration and function.name != f"call_{number}":
@@ -146,6 +147,7 @@ def other_order(text: str) -> str:
 
 def caller(number: int, about: dict[str, Any], kinds: list[str]) -> Iterator[str]:
     """Yields the LLVM code of a function that reads arguments from words and writes the result to words."""
+    yield f'declare i32 @"{about["function"]}"({", ".join(kinds)})'
     yield f"define i32 @call_{number}(ptr %slots, ptr %out, ptr %error) {{"
     yield f"%result = alloca {about['result']}"
     values = ["ptr %result", "ptr %error"]

@@ -1,4 +1,4 @@
-"""Action frames: actions of two numbers (a0, a1) from -1 to 1 as a velocity of the cue ball, see `envs.actions`.
+"""Action frames: actions of two numbers (a0, a1) from -1 to 1 that are converted to the action "velocity".
 
 Both aim at the nearest ball that may be touched first. If there is none, the line of centres is the x axis. The action
 frames are:
@@ -48,7 +48,7 @@ A0, A1 = 0, 1
 
 
 class ActionFrame:
-    """Converts the actions of an action frame to velocities of the cue ball.
+    """Converts the actions of an action frame to the action "velocity".
 
     Args:
         name: One of `FRAMES`.
@@ -68,12 +68,15 @@ class ActionFrame:
             raise ValueError(f"max_speed = {short(max_speed)} with action {name!r}: expected at least {fastest} m/s")
         self._is_cut, self._reach = name == "cut", scene.balls.contact_distances(0)
 
-    def velocities(self, actions: ArrayLike, tables: Tables) -> NDArray[np.float64]:
-        """Returns the velocities (k, 2) of the cue balls, m/s, for actions (k, 2), which are clipped to [-1, 1]."""
+    def strokes(self, actions: ArrayLike, tables: Tables) -> NDArray[np.float64]:
+        """Returns the velocities (k, 2) of the cue balls, divided by the largest speed, for actions (k, 2).
+
+        The actions are clipped to [-1, 1].
+        """
         array = numbers("action", actions)
         out = np.empty(array.shape)
         fields = tables.positions, tables.targets, self._reach, float(tables.max_speed)
-        _velocities(self._is_cut, array, fields, out)
+        _strokes(self._is_cut, array, fields, out)
         return out
 
 
@@ -96,25 +99,25 @@ def passing_direction(dx, dy, reach, offset):
     if distance == 0.0:
         return 1.0, 0.0
     x, y = dx / distance, dy / distance
-    s = min(max(offset * (reach / distance), -1.0), 1.0)
+    s = min(max(offset * reach / distance, -1.0), 1.0)
     c = math.sqrt((1.0 - s) * (1.0 + s))
     return x * c + y * s, y * c - x * s
 
 
 @kernel
-def cut(a0, a1, dx, dy, reach, least_speed, max_speed):
-    """Returns the velocity of an action in the frame "cut", m/s; `dx`, `dy` and `reach` as in `passing_direction`."""
+def cut(a0, a1, dx, dy, reach, max_speed):
+    """Returns the stroke of an action in the frame "cut"; `dx`, `dy` and `reach` as in `passing_direction`."""
     x, y = passing_direction(dx, dy, reach, a0)
-    speed = between(least_speed, max_speed, a1)
+    speed = between(LEAST_SPEED / max_speed, 1.0, a1)
     return speed * x, speed * y
 
 
 @kernel
-def sum_to_three(a0, a1, dx, dy, reach):
-    """Returns the velocity of an action in the frame "sum_to_three", m/s; arguments as in `passing_direction`."""
+def sum_to_three(a0, a1, dx, dy, reach, max_speed):
+    """Returns the stroke of an action in the frame "sum_to_three"; arguments as in `passing_direction`."""
     _, offset = cos_sin(a1 * (SUM_TO_THREE_CUT / 180.0))
     x, y = passing_direction(dx, dy, reach, offset)
-    speed = SUM_TO_THREE_GAIN * between(SUM_TO_THREE_SPEEDS[0], SUM_TO_THREE_SPEEDS[1], a0)
+    speed = SUM_TO_THREE_GAIN * between(SUM_TO_THREE_SPEEDS[0], SUM_TO_THREE_SPEEDS[1], a0) / max_speed
     return speed * x, speed * y
 
 
@@ -137,13 +140,13 @@ def nearest_ball(positions, targets):
 
 
 @entry_point
-def _velocities(is_cut, actions, tables, out):
+def _strokes(is_cut, actions, tables, out):
     positions, targets, reach, max_speed = tables
     for k in range(len(actions)):
         a0, a1 = min(max(actions[k, A0], -1.0), 1.0), min(max(actions[k, A1], -1.0), 1.0)
         i = nearest_ball(positions[k], targets[k])
         dx, dy = positions[k, i, X] - positions[k, 0, X], positions[k, i, Y] - positions[k, 0, Y]
         if is_cut:
-            out[k, X], out[k, Y] = cut(a0, a1, dx, dy, reach[i], LEAST_SPEED, max_speed)
+            out[k, X], out[k, Y] = cut(a0, a1, dx, dy, reach[i], max_speed)
         else:
-            out[k, X], out[k, Y] = sum_to_three(a0, a1, dx, dy, reach[i])
+            out[k, X], out[k, Y] = sum_to_three(a0, a1, dx, dy, reach[i], max_speed)

@@ -53,8 +53,8 @@ class Action(NamedTuple):
     Attributes:
         summary: What the numbers are, for the documentation.
         size: Number of numbers of the velocity (2) or of the strike (5) that is played.
-        converter: Returns from a scene and the largest speed, m/s, an object whose method `velocities` converts
-            actions (k, 2) and `Tables` to velocities (k, 2), m/s. If it has the attribute `choices` > 0, an action is a
+        converter: Returns from a scene and the largest speed, m/s, an object whose method `strokes` converts actions
+            (k, 2) and `Tables` to actions "velocity" (k, 2), which are velocities divided by the largest speed. If it has the attribute `choices` > 0, an action is a
             whole number below it, actions are (k,), and the method `mask` returns the possible ones, (k, choices) int8.
             None for an action that is played as it is.
         has_cue: Whether a cue strikes the cue ball, which gives it spin and drives balls that touch it.
@@ -122,7 +122,7 @@ def converter_of(name: str, scene: Scene, max_speed: float) -> Any:
     if entry.converter is None:
         return None
     converter = result_of(what, object, entry.converter, scene, max_speed)
-    for method, count in (("velocities", 2), ("mask", 1))[: 1 + entry.is_choice]:
+    for method, count in (("strokes", 2), ("mask", 1))[: 1 + entry.is_choice]:
         check_call(
             f"{what} = {short(converter)}",
             getattr(converter, method, None),
@@ -135,9 +135,9 @@ def converter_of(name: str, scene: Scene, max_speed: float) -> Any:
 
 
 def converted(name: str, converter: Any, actions: NDArray[Any], tables: Any) -> NDArray[np.float64]:
-    """Returns the velocities (k, 2) of actions, m/s, after a check. The arguments are as in `Action`."""
-    what = f"velocities of action {name!r}"
-    return finite(what, result_of(what, object, converter.velocities, actions, tables), (len(actions), 2))
+    """Returns the strokes (k, 2) of actions after a check. The arguments are as in `Action`."""
+    what = f"strokes of action {name!r}"
+    return finite(what, result_of(what, object, converter.strokes, actions, tables), (len(actions), 2))
 
 
 def possible(name: str, converter: Any, tables: Any) -> NDArray[np.float64]:

@@ -5,6 +5,7 @@ All values are numbers, because TorchRL cannot read infos of vector environments
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any, NamedTuple
 
@@ -123,6 +124,11 @@ def masked_info(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> dict[
     if np.count_nonzero(mask) < len(mask):
         for key, values in info.items():  # False keeps the type; a product with the mask gives negative zeros
             infos[key] = np.where(_rows_like(mask, values), values, False)
-    for key in info:
-        infos[f"_{key}"] = mask.copy()
+    infos.update(zip(_mask_keys(tuple(info)), mask[None].repeat(len(info), axis=0), strict=True))
     return infos
+
+
+@functools.cache
+def _mask_keys(keys: tuple[str, ...]) -> list[str]:
+    """Returns the keys of the masks of keys of `info`."""
+    return [f"_{key}" for key in keys]

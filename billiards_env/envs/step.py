@@ -119,16 +119,11 @@ def is_going_on(state: State) -> Bools:
 
 
 def conversion(model: Model, converter: Any, shooting: Callable[[State], Bools]) -> Callable[..., Floats]:
-    """Returns the part that makes strokes of actions with a converter, in the episodes with a shot.
-
-    The velocities of strokes are fractions of the largest speed, as are noise, `played_action` and the strokes of
-    games. The part divides by this speed, and `start_shots` multiplies by it.
-    """
+    """Returns the part that makes strokes of actions with a converter, in the episodes with a shot."""
 
     def convert(state: State, begin: int, end: int, actions: NDArray[Any]) -> Floats:
         rows = begin + np.flatnonzero(shooting(state)[begin:end])
-        velocities = converted(model.action, converter, actions[rows], tables(state, rows))
-        state.strokes[rows] = velocities / model.max_speed
+        state.strokes[rows] = converted(model.action, converter, actions[rows], tables(state, rows))
         return state.strokes
 
     return convert

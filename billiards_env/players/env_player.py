@@ -234,14 +234,10 @@ def _shot_numbers(env: BilliardsEnv, stroke: Stroke) -> Floats:
 
 
 def _stroke(env: BilliardsEnv, table: Tables, action: Any) -> ActionStroke:
-    array, converter = (
-        finite("action", action, env.action_space.shape),
-        converter_of(env.action, env.scene, table.max_speed),
-    )
-    if converter is not None:
-        (velocity,), spin = converted(env.action, converter, array[None], table), np.zeros(3)
-    else:
-        velocity, spin, _ = cue_strike(array, table.scene, table.max_speed)
+    array = finite("action", action, env.action_space.shape)
+    converter = converter_of(env.action, env.scene, table.max_speed)
+    played = array if converter is None else converted(env.action, converter, array[None], table)[0]
+    velocity, spin, _ = cue_strike(played, table.scene, table.max_speed)
     wx, wy, wz = spin.tolist()
     stroke = ActionStroke(tuple(velocity.tolist()), None, (wx, wy, wz))
     stroke.action = tuple(array.ravel().tolist())

@@ -41,8 +41,8 @@ class Plans:
         if not self.choices:
             raise ValueError("action = 'plan': expected an object ball and a table with pockets")
 
-    def velocities(self, plans: Floats, tables: Tables) -> Floats:
-        """Returns the velocities (k, 2) of the cue balls, m/s, of plans (k,).
+    def strokes(self, plans: Floats, tables: Tables) -> Floats:
+        """Returns the velocities (k, 2) of the cue balls, divided by the largest speed, of plans (k,).
 
         Raises:
             ValueError: If a plan is not a whole number in its range.
@@ -53,7 +53,7 @@ class Plans:
         rows = np.arange(len(plans))
         chosen = self._pots(tables).reshape(-1, self.choices, 2)[rows, plans.astype(np.int64)]
         _, ways = tables.nearest()
-        speeds = tables.max_speed * (plans % len(SPEEDS) + 1.0) / len(SPEEDS)
+        speeds = (plans % len(SPEEDS) + 1.0) / len(SPEEDS)
         full = (speeds / np.maximum(np.hypot(*ways.T), 1e-300))[:, None] * ways
         return np.where(chosen.any(axis=1, keepdims=True), chosen, full)
 
@@ -63,15 +63,15 @@ class Plans:
         return (possible | ~possible.any(axis=1, keepdims=True)).astype(np.int8)
 
     def _pots(self, tables: Tables) -> Floats:
-        """Returns the velocities (k, *shape, 2) of the cue ball of each plan, 0 for a plan that is no pot."""
+        """Returns the strokes (k, *shape, 2) of each plan, 0 for a plan that is no pot."""
         objects = np.broadcast_to(np.arange(tables.in_play.shape[1]) > 0, tables.in_play.shape)
         pots = find_pots(tables._replace(legal=objects))
         by_choice = np.zeros((len(tables.positions), *self.shape, 2))
         for j in range(pots.ball.shape[1])[::-1]:  # of several banks the one with the largest tolerance comes last
             which = np.flatnonzero(j < pots.count)
             shots = pots.shots[which, j]
-            velocities = shots[..., SPEED, None] * shots[..., DX : DY + 1]
-            by_choice[which, pots.ball[which, j] - 1, pots.pocket[which, j]] = velocities
+            strokes = shots[..., SPEED, None] / tables.max_speed * shots[..., DX : DY + 1]
+            by_choice[which, pots.ball[which, j] - 1, pots.pocket[which, j]] = strokes
         return by_choice * tables.legal[:, 1:, None, None, None]
 
 

@@ -1,7 +1,6 @@
 """A package with a task, a feature, a measure, an action, a layout, a scene, a game and a player of its own."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -77,19 +76,18 @@ register_measure(
 )
 
 
-class Polar(NamedTuple):
-    """Converts headings and speeds, each from -1 to 1, to velocities."""
+class Polar:
+    """Converts headings and speeds, each from -1 to 1, to the action "velocity"."""
 
     choices = 0
-    max_speed: float
 
-    def velocities(self, actions, tables):
-        """Returns the velocities (k, 2) of the cue balls, m/s, for actions (k, 2)."""
-        heading, speed = np.pi * actions[:, 0], 0.5 * (1.0 + actions[:, 1]).clip(0.0, 2.0) * self.max_speed
+    def strokes(self, actions, tables):
+        """Returns the velocities (k, 2) of the cue balls, divided by the largest speed, for actions (k, 2)."""
+        heading, speed = np.pi * actions[:, 0], 0.5 * (1.0 + actions[:, 1]).clip(0.0, 2.0)
         return np.column_stack((speed * np.cos(heading), speed * np.sin(heading)))
 
 
-register_action("polar", Action("heading in half turns, and speed", 2, lambda scene, max_speed: Polar(max_speed)))
+register_action("polar", Action("heading in half turns, and speed", 2, lambda scene, max_speed: Polar()))
 
 
 def from_the_corner(name, scene):

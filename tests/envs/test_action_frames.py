@@ -8,7 +8,7 @@ import gymnasium as gym
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from billiards_env import simulate_batch, strike
@@ -81,9 +81,9 @@ def test_a_level_central_strike_is_the_velocity_bit_for_bit(velocity, elevation)
 @given(shares, shares, st.floats(-np.pi, np.pi), st.floats(1.0, 40.0))
 def test_a_cut_passes_the_ball_at_the_given_distance(a0, a1, bearing, apart):
     dx, dy = apart * REACH * np.cos(bearing), apart * REACH * np.sin(bearing)
-    x, y = cut(a0, a1, dx, dy, REACH, 0.4, 4.0)
+    x, y = cut(a0, a1, dx, dy, REACH, 4.0)
     speed = np.hypot(x, y)
-    assert speed == pytest.approx(0.4 + 1.8 * (a1 + 1), rel=1e-14)
+    assert 4.0 * speed == pytest.approx(0.4 + 1.8 * (a1 + 1), rel=1e-14)
     assert (x * dy - y * dx) / speed == pytest.approx(a0 * REACH, abs=1e-14)  # positive: the ball is on the left
     assert x * dx + y * dy >= -1e-15
     assert passing_direction(0.0, 0.0, REACH, a0) == (1.0, 0.0)
@@ -99,7 +99,7 @@ def test_every_cut_hits_and_is_the_sine_of_the_cut_angle():
     offsets[:40] = np.tile([largest, -largest, 0, 0.999], 10)
     actions = np.column_stack((offsets, np.ones(500)))
     playable = np.array([[False, True]] * 500)
-    velocities = ActionFrame("cut", POOL, 4.0).velocities(actions, Tables(POOL, positions, playable, playable, 4.0))
+    velocities = 4.0 * ActionFrame("cut", POOL, 4.0).strokes(actions, Tables(POOL, positions, playable, playable, 4.0))
     pocketless = Scene(POOL.balls)
     assert (simulate_batch(pocketless, positions, velocities).first_hit == 1).all()
 
@@ -117,22 +117,23 @@ def test_a_cut_of_spheres_of_different_size_is_the_sine_of_the_cut_angle():
     frame, playable = ActionFrame("cut", scene, 4.0), np.array([[False, True, False]])
     places = np.array([[-0.3, 0.1], [0.1, -0.05], [0.5, 0.3]])
     for offset in (-0.9, 0.3, 0.999):
-        (velocity,) = frame.velocities([[offset, 0.0]], Tables(scene, places[None], playable, playable, 4.0))
-        shot = simulate(scene, places, velocity, record=True)
+        (stroke,) = frame.strokes([[offset, 0.0]], Tables(scene, places[None], playable, playable, 4.0))
+        shot = simulate(scene, places, 4.0 * stroke, record=True)
         assert ("ball_ball", 0, 1) in kinds(shot)[:2]
         hit = shot.events[shot.events["kind"] == "ball_ball"][0]
         where = shot.at(float(hit["time"]))
-        way, line = velocity / np.linalg.norm(velocity), where[1] - where[0]
+        way, line = stroke / np.linalg.norm(stroke), where[1] - where[0]
         assert (line[1] * way[0] - line[0] * way[1]) / apart == pytest.approx(offset, abs=1e-9)
 
 
+@example(0.0, 0.0, 0.0, 5e-324)  # the reach over this distance is infinite
 @given(shares, shares, st.floats(-2.0, 2.0), st.floats(-1.0, 1.0))
 def test_mirrored_balls_and_cuts_mirror_bit_for_bit(a0, a1, dx, dy):
     def by_offset(a, x, y):
-        return cut(a, a1, x, y, REACH, 0.4, 4.0)
+        return cut(a, a1, x, y, REACH, 4.0)
 
     def by_angle(a, x, y):
-        return sum_to_three(a1, a, x, y, REACH)
+        return sum_to_three(a1, a, x, y, REACH, 5.0)
 
     for frame in (by_offset, by_angle):
         x, y = frame(a0, dx, dy)
@@ -144,8 +145,8 @@ def test_mirrored_balls_and_cuts_mirror_bit_for_bit(a0, a1, dx, dy):
 @given(shares, shares, st.floats(-np.pi, np.pi), st.floats(1.05, 40.0))
 def test_sum_to_three_solves_the_equation_of_the_cut_angle(a0, a1, bearing, apart):
     distance, c = apart * REACH, np.deg2rad(70) * a1
-    x, y = sum_to_three(a0, a1, distance * np.cos(bearing), distance * np.sin(bearing), REACH)
-    assert np.hypot(x, y) == pytest.approx(1.395 * (0.3 + 1.35 * (a0 + 1)), rel=1e-14)
+    x, y = sum_to_three(a0, a1, distance * np.cos(bearing), distance * np.sin(bearing), REACH, 5.0)
+    assert 5.0 * np.hypot(x, y) == pytest.approx(1.395 * (0.3 + 1.35 * (a0 + 1)), rel=1e-14)
     turned = np.angle((x + 1j * y) * np.exp(-1j * bearing))  # counter-clockwise
     d = abs(turned)
     assert abs(d - np.arctan(REACH * np.sin(abs(c) - d) / (distance - REACH * np.cos(abs(c) - d)))) < 1e-12
