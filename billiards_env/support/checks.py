@@ -509,6 +509,8 @@ def _is_real(value: Any) -> bool:
 
 def shaped(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Returns a float64 copy of an array. Raises a ValueError unless it holds numbers and has the shape `shape`."""
+    if type(value) is np.ndarray and value.shape == shape and value.dtype.kind == "f":  # faster
+        return value.astype(np.float64, "C")
     array = numbers(name, value)
     if array.shape != shape:
         raise ValueError(f"{name} has shape {array.shape}: expected {shape}")
@@ -526,10 +528,7 @@ def finite(name: str, value: ArrayLike | None, shape: tuple[int, ...]) -> NDArra
         Traceback (most recent call last):
         ValueError: action = [0.5, nan]: expected finite numbers
     """
-    if type(value) is np.ndarray and value.shape == shape and value.dtype.kind == "f":  # faster
-        array = value.astype(np.float64, "C")
-    else:
-        array = shaped(name, value, shape)
+    array = shaped(name, value, shape)
     short_array = array.ndim == 1 and len(array) < 16  # Python checks these faster than NumPy
     if not ((short_array and math.isfinite(sum(array.tolist()))) or np.isfinite(array).all()):
         raise ValueError(f"{name} = {short(array.tolist())}: expected finite numbers")
