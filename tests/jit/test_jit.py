@@ -2,7 +2,6 @@ import ctypes
 import pickle
 import shutil
 import sys
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -16,8 +15,6 @@ from billiards_env.jit import decorators as jit
 from billiards_env.physics import elementary
 from tests.helpers.arrays import counted_arrays
 from tests.helpers.processes import run, start
-
-ROOT = Path(jit.__file__).parents[2]
 
 
 @pytest.fixture

@@ -5,12 +5,18 @@ from billiards_env import Scene
 from billiards_env.games import GAMES, History, Setup, custom_opening, opening
 from billiards_env.play.model import HUMAN, begin
 
+BALLS = [[-0.4, 0.0], [0.4, 0.0], [0.4, 0.5]]
+
 
 @pytest.fixture(scope="session")
 def make_model():
-    """A function that returns the model of a game for two players, from the opening or from given positions."""
+    """A function that returns the model of a game for two players, from the opening or from given positions.
 
-    def make(rules="straight", positions=None, state=None, players=(HUMAN, HUMAN), choices=False, scene=None, **kwargs):
+    By default it is straight pool with three balls.
+    """
+
+    def make(rules="", positions=None, state=None, players=(HUMAN, HUMAN), choices=False, scene=None, **kwargs):
+        rules, positions = rules or "straight", positions if rules or positions else BALLS
         balls = GAMES[rules].n_object_balls[1] if positions is None else len(positions) - 1
         name = "real_pool" if rules == "blackball" else GAMES[rules].scene  # other tests compile its engine too
         setup = Setup(rules, Scene.named(name, balls) if scene is None else scene, len(players), **kwargs)

@@ -86,13 +86,13 @@ def test_each_game_has_a_page_of_rules(make_model):
 
 def test_each_player_has_a_label(make_model):
     players = "search:500", "my.own:geometric", "planner:club", "planner:1s"
-    model = make_model(positions=EIGHT[:3], players=players)
+    model = make_model(players=players)
     for k, label in enumerate(("search", "geometric", "club", "planner")):
         assert labels.player_name(model, k) == f"Player {k + 1} ({label})"
 
 
 def test_a_replay_shows_the_engines(make_model):
-    model = actions.repeat(actions.go(make_model(positions=EIGHT[:3])))
+    model = actions.repeat(actions.go(make_model()))
     assert labels.key_hint(model).startswith("balls: PIC   rings: PIT, dt = 1/60 s")
     assert labels.key_hint(actions.toggle(model, "ghost")).startswith("balls: PIC   continue")
 

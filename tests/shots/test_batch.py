@@ -41,16 +41,6 @@ def test_a_batch_equals_single_shots_bit_for_bit(scene, arrangement, options, fi
     assert (batch.first_hit > 0).any() or options.get("max_time") == 0.0
 
 
-def test_a_batch_with_spins_and_potted_balls_equals_single_shots():
-    scene, rng = Scene.named("carom"), np.random.default_rng(1)
-    places, velocities, spins = draw_starts(scene, 40)[0], rng.normal(size=(40, 3, 2)), rng.normal(size=(40, 3, 3)) * 20
-    playing = rng.random((40, 3)) < 0.7
-    batch, _ = run_both(scene, places, velocities, spins, in_play=playing)
-    assert (batch.potted == ~playing).all()
-    same = simulate_batch(scene, places, velocities, in_play=[True, False, True])
-    assert (same.potted == [False, True, False]).all()
-
-
 @pytest.mark.parametrize("name", ["pool", "real_pool", "snooker", "uk_pool", "carom", "ideal"])
 def test_each_end_is_a_start(name):
     scene = Scene.named(name, 2)
@@ -79,12 +69,6 @@ def test_a_velocity_per_shot_is_that_of_the_cue_ball_with_as_many_balls():
     batch = simulate_batch(scene, [[[-0.5, 0.0], [0.5, 0.0]]] * 2, [[0.1, 0.0], [0.0, 0.1]], max_time=1.0)
     assert batch.velocities[:, 0].tolist() == [[0.1, 0.0], [0.0, 0.1]]
     assert not batch.velocities[:, 1].any()
-
-
-def test_a_batch_may_have_no_shots():
-    batch = simulate_batch(Scene.named("pool"), np.empty((0, 2, 2)), np.empty((0, 2)))
-    assert batch.positions.shape == (0, 2, 2)
-    assert batch.time.shape == (0,)
 
 
 @pytest.mark.parametrize("m", [0, 1, 31, 64, 1000])
@@ -185,11 +169,11 @@ def test_an_error_in_any_piece_is_raised_and_the_threads_continue():
 def test_a_shot_of_a_batch_is_recorded_again():
     scene = Scene.named("pool", 3)
     places, velocities, spins = draw_starts(scene, 5)
-    playing = np.ones((5, 4), np.bool_)
-    playing[:, 3] = False
+    playing = np.arange(20).reshape(5, 4) % 3 < 2
     options = {"in_play": playing, "max_time": 1.0}
     batch: Any = simulate_batch(scene, places, velocities, spins=spins, **options)
     _, expected = run_both(scene, places, velocities, spins, record=True, **options)
+    assert (batch.potted >= ~playing).all()
     for array in (places, velocities, spins, playing):
         array[...] = 0  # the batch has copies
     assert len(batch) == 5

@@ -153,8 +153,9 @@ def test_a_batch_with_shared_physics_has_the_numbers_of_its_scene():
     assert simulate_batch(scene, places, starts)[1].scene is scene
 
 
-def test_a_batch_without_shots_may_have_physics():
+def test_a_batch_may_have_no_shots():
     nothing = np.empty((0, 3, 2)), np.empty((0, 2))
+    assert simulate_batch(SCENES["pool"], *nothing).positions.shape == (0, 3, 2)
     assert len(simulate_batch(SCENES["pool"], *nothing, physics={"mu_roll": []})) == 0
     assert len(simulate_batch(SCENES["pool"], *nothing, engine=Engine("pit", 1.0), physics={"dt": []})) == 0
 

@@ -115,7 +115,7 @@ def test_real_returns_a_float():
         assert real("x", value, "length") == 2.0
 
 
-@pytest.mark.parametrize("value", ["2", None, [2.0], 2j, True, np.bool_(True)])
+@pytest.mark.parametrize("value", ["2", None, [2.0], 2j, True, np.bool_(True), np.timedelta64(1, "s")])
 def test_values_that_are_not_numbers_are_rejected(value):
     with rejected(f"x = {short(value)}: expected a number, not {type(value).__name__}", TypeError):
         real("x", value, "length")
@@ -133,18 +133,11 @@ TEXTS = [
     ([np.float64(-0.5), (np.int8(1),)], "[-0.5, (1,)]"),
     ({"velocity": np.float64(1.5)}, "{'velocity': 1.5}"),
     (np.array([0.5, 1.0]), "array([0.5, 1. ])"),
-]
-LONG = [
     (0.0050000000000000044, "0.005"),
     ([-0.1 - 0.7, 1 / 3], "[-0.8, 0.333333333333]"),
     (np.float64(-1.2345678901234567e-7), "-1.23456789012e-07"),
     ("0.12345678901234567", "'0.12345678901234567'"),
 ]
-
-
-@pytest.mark.parametrize(("value", "text"), LONG)
-def test_numbers_in_messages_are_short(value, text):
-    assert short(value) == text
 
 
 def test_a_number_just_outside_its_range_has_all_digits():
@@ -153,12 +146,16 @@ def test_a_number_just_outside_its_range_has_all_digits():
 
 
 @pytest.mark.parametrize(("value", "text"), TEXTS)
-def test_numpy_scalars_look_like_numbers_of_python_in_messages(value, text):
+def test_numbers_in_messages_are_short_and_look_like_numbers_of_python(value, text):
     assert short(value) == text
 
 
 COMPLEX = np.array([0.5 + 1j, 0.0])
-UNREAL = [COMPLEX, COMPLEX.tolist(), [np.complex64(0.5), 0.0], COMPLEX.astype(object), ["0.5", "0"], [10**400, 0]]
+TIMES: Any = np.array([1, 2], "m8[s]")
+UNREAL = [
+    *(COMPLEX, COMPLEX.tolist(), [np.complex64(0.5), 0.0], COMPLEX.astype(object), ["0.5", "0"], [10**400, 0]),
+    *([True, False], np.array([True, 0.5], object), TIMES, TIMES.astype(object)),
+]
 
 
 @pytest.mark.parametrize("value", UNREAL)
@@ -302,15 +299,8 @@ def test_a_vector_environment_whose_construction_failed_can_be_closed():
 
 
 RAGGED: Any = [[0.1, 0.2], [0.3]]
-TIMES: Any = np.array([1, 2], "m8[s]")
 ONE: Any = np.array(1)
 RAISED: list[tuple[Callable[[], Any], str]] = [
-    (lambda: numbers("x", [True, False]), r"x = \[True, False\]: expected finite numbers in an array"),
-    (lambda: numbers("x", np.array([True, 0.5], object)), "x = .*: expected finite numbers in an array"),
-    (lambda: numbers("x", TIMES), "x = .*: expected finite numbers in an array"),
-    (lambda: numbers("x", TIMES.astype(object)), "x = .*: expected finite numbers in an array"),
-    (lambda: real("x", TIMES[0]), "x = .*: expected a number, not timedelta64"),
-    (lambda: integer("x", TIMES[0], "seed"), "x = .*: expected a whole number"),
     (lambda: simulate(POOL, PLACES, [True, False]), "velocities = .*: expected finite numbers"),
     (lambda: simulate(POOL, PLACES, [1.0, 0.0], in_play=RAGGED), "in_play = .*: expected an array, or lists of one le"),
     (
