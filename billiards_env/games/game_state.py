@@ -337,6 +337,12 @@ def end(state, winner):
 
 
 @inlined
+def lowest(balls):
+    """Returns the number of the lowest ball in a set, which is not empty."""
+    return size((balls & -balls) - 1)
+
+
+@inlined
 def size(balls):
     """Returns the number of balls in a set."""
     number = 0

@@ -444,32 +444,33 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
     return PlayedShot(GameState(positions, following, replaceable), shot_input, shot, facts[0], verdict)
 
 
-def check_stroke(scene: Scene, stroke: Stroke, of: str = "") -> None:
+def check_stroke(scene: Scene, stroke: Stroke, of: str = "", name: str = "stroke") -> None:
     """Raises a TypeError or a ValueError unless a stroke has numbers within their ranges, see `checks.RANGES`.
 
-    `of` follows the names in the messages, such as " of player 'mine'".
+    The messages call the stroke `name`, and `of` follows the names of its parts, such as " of player 'mine'".
     """
     call = getattr(stroke, "call", None)
-    for name, value, kind in ((f"stroke{of}", stroke, Stroke), (f"stroke.call{of}", call, Call)):
+    for part, value, kind in ((f"{name}{of}", stroke, Stroke), (f"{name}.call{of}", call, Call)):
         if not isinstance(value, kind):
-            raise TypeError(f"{name} = {short(value)}: expected the type {kind.__name__}, not {type(value).__name__}")
+            raise TypeError(f"{part} = {short(value)}: expected the type {kind.__name__}, not {type(value).__name__}")
     axes = (2, 3) if scene.physics.flight else (2,)
-    for name, counts, within in (("velocity", axes, "speed"), ("place", (2,), "coordinate"), ("spin", (3,), "spin")):
-        values = getattr(stroke, name)
-        if name == "place" and values is None:
+    for part, counts, within in (("velocity", axes, "speed"), ("place", (2,), "coordinate"), ("spin", (3,), "spin")):
+        values = getattr(stroke, part)
+        if part == "place" and values is None:
             continue
         right = isinstance(values, (list, tuple, np.ndarray)) and len(values) in counts
-        _expect(right, f"stroke.{name}{of} = {short(values)}", f"{('two', 'three')[counts[0] - 2]} numbers")
+        _expect(right, f"{name}.{part}{of} = {short(values)}", f"{('two', 'three')[counts[0] - 2]} numbers")
         for i, value in enumerate(values):
-            real(f"stroke.{name}[{i}]{of}", value, within)
+            real(f"{name}.{part}[{i}]{of}", value, within)
+    one_of(f"{name}.call.kind{of}", stroke.call.kind, CALLS)
+    integer(f"{name}.call.ball{of}", stroke.call.ball, Range(-1, scene.n_balls - 1))
+    integer(f"{name}.call.pocket{of}", stroke.call.pocket, Range(-1, len(scene.table.pockets) - 1))
 
 
 def _check_rules(setup: Setup, state: Any, stroke: Stroke) -> None:
     """Raises a ValueError if the rules or the physics do not allow a stroke, see `play`."""
-    call, n = stroke.call, setup.scene.n_balls
+    call = stroke.call
     one_of("stroke.call.kind", call.kind, setup.kinds(state))
-    integer("stroke.call.ball", call.ball, Range(-1, n - 1))
-    integer("stroke.call.pocket", call.pocket, Range(-1, len(setup.scene.table.pockets) - 1))
     if call.kind in NO_SHOT:
         still = not any(stroke.velocity) and not any(stroke.spin) and stroke.place is None
         _expect(still, f"stroke = {short(stroke)}", f"no motion and no place, the call is {call.kind!r}")

@@ -11,13 +11,13 @@ from typing import Any, overload
 
 import numpy as np
 
-from billiards_env.games.game_state import CALLS, to_dict
-from billiards_env.games.playing import Call, GameState, History, Setup, Stroke, custom_opening, play
+from billiards_env.games.game_state import to_dict
+from billiards_env.games.playing import Call, GameState, History, Setup, Stroke, check_stroke, custom_opening, play
 from billiards_env.shots import records as shots
-from billiards_env.shots.records import Rows, ShotRecord, check_equal, fields, head, items, pair, rows_of, tuples
+from billiards_env.shots.records import Rows, ShotRecord, check_equal, fields, head, items, rows_of, tuples
 from billiards_env.shots.result import ShotResult
 from billiards_env.shots.simulation import replay as replay_shot
-from billiards_env.support.checks import Range, flag, integer, one_of, real, short
+from billiards_env.support.checks import Range, flag, integer, short
 
 GAME = "billiards_env/game"
 
@@ -175,12 +175,10 @@ def _game(data: dict[str, Any]) -> GameRecord:
     state = custom_opening(setup, positions, fields("state", data["state"], setup.game_rules.given)).state
     strokes = []
     for i, item in enumerate(items("strokes", data["strokes"])):
-        stroke = fields(f"strokes[{i}]", item, Stroke._fields)
-        velocity = _velocity(f"strokes[{i}].velocity", stroke["velocity"], scene.physics.flight)
-        place = None if stroke["place"] is None else pair(f"strokes[{i}].place", stroke["place"], "coordinate")
-        spin = items(f"strokes[{i}].spin", stroke["spin"], 3)
-        x, y, z = (real(f"strokes[{i}].spin[{k}]", value, "spin") for k, value in enumerate(spin))
-        strokes.append(Stroke(velocity, place, (x, y, z), _call(f"strokes[{i}].call", stroke["call"])))
+        stroke = Stroke(**fields(name := f"strokes[{i}]", item, Stroke._fields))
+        stroke = stroke._replace(call=Call(**fields(f"{name}.call", stroke.call, Call._fields)))
+        check_stroke(scene, stroke, name=name)
+        strokes.append(_plain(stroke))
     end = fields("end", data["end"], _GAME_END)
     result = GameEnd(
         positions=rows_of("end.positions", end["positions"], n, 2),
@@ -195,20 +193,6 @@ def _game(data: dict[str, Any]) -> GameRecord:
 
 def _integers(name: str, values: Any, within: Range) -> tuple[int, ...]:
     return tuple(integer(f"{name}[{i}]", value, within) for i, value in enumerate(items(name, values)))
-
-
-def _velocity(name: str, value: Any, flight: bool) -> tuple[float, ...]:
-    """Returns two numbers, or three in scenes with flight."""
-    axes = 3 if flight and isinstance(value, list) and len(value) == 3 else 2
-    return tuple(real(f"{name}[{k}]", speed, "speed") for k, speed in enumerate(items(name, value, axes)))
-
-
-def _call(name: str, value: Any) -> Call:
-    call, number = fields(name, value, Call._fields), Range(-1, 2**31 - 1)
-    one_of(f"{name}.kind", call["kind"], CALLS)
-    return Call(
-        integer(f"{name}.ball", call["ball"], number), integer(f"{name}.pocket", call["pocket"], number), call["kind"]
-    )
 
 
 def _play_again(history: History) -> GameState:

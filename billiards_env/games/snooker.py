@@ -37,6 +37,7 @@ from billiards_env.games.game_state import (
     FoundBalls,
     FoundFlag,
     end,
+    lowest,
     members,
     size,
     verdict,
@@ -101,21 +102,16 @@ def ball_value(state, ball):
 @inlined
 def least_value(state, balls):
     """Returns the smallest value of some balls. It is 7 for none: a foul before a nomination (WPBSA 3.10 d)."""
-    ball = 1
-    while balls >> ball != 0:
-        if balls >> ball & 1:
-            return ball_value(state, ball)
-        ball += 1
-    return MOST_PENALTY
+    return ball_value(state, lowest(balls)) if balls != 0 else MOST_PENALTY
 
 
 @inlined
 def greatest_value(state, balls):
     """Returns the largest value of some balls, 0 for none."""
-    value, ball = 0, 1
-    while balls >> ball != 0:
-        value = ball_value(state, ball)
-        ball += 1
+    value = 0
+    while balls != 0:
+        value = ball_value(state, lowest(balls))
+        balls &= balls - 1
     return value
 
 
@@ -156,7 +152,7 @@ def nominated(state, facts, call):
     if call.ball >= 0:
         chosen = 1 << call.ball
     elif chosen & could_be_on == 0 and state.touching & could_be_on != 0:
-        chosen = state.touching & could_be_on & -(state.touching & could_be_on)
+        chosen = 1 << lowest(state.touching & could_be_on)
     if state.colour:
         return on & chosen, 0
     return on, chosen & ~on if state.free_ball else 0
@@ -200,11 +196,10 @@ def foul_of(state, facts, on, free):
 @inlined
 def points_left(balls, reds, colour):
     """Returns the most points that a player can still score with balls: a black after each red, then the colours."""
-    points, ball = MOST_PENALTY if colour else 0, 1
-    while balls >> ball != 0:
+    points = MOST_PENALTY if colour else 0
+    for ball in range(1, reds + 7):
         if balls >> ball & 1:
             points += ball - reds + 1 if ball > reds else 1 + MOST_PENALTY
-        ball += 1
     return points
 
 
@@ -303,7 +298,7 @@ def is_hidden_behind(table, positions, object_balls, on, free):
     """
     if sees_a_ball(table, positions, positions[CUE_BALL], on | free, on):
         return False
-    ball = size(free - 1)
+    ball = lowest(free)
     distance = square_from_cue(positions, ball)
     for other in range(1, len(table.radius)):
         nearer = object_balls & ~on & ~free & (1 << other)
@@ -334,8 +329,7 @@ def without_shot(table, positions, state, kind):
     rack_and_break(table, positions, state, kind)
     state.free_ball = False
     if kind == STALEMATE:
-        for player in range(state.n_players):
-            state.scores[player] = 0
+        state.scores[:] = 0
         state.colour, state.misses = False, 0
 
 
@@ -432,10 +426,7 @@ GAMES = {
         sources=("World Professional Billiards and Snooker Association (WPBSA), November 2014; secondary source",),
         left_out=(
             ("2.19", "only a shot that first hits a ball touching the cue ball, before a cushion, is a push stroke"),
-            (
-                "2.20",
-                "a ball that the cue ball hits at the end of a flight does not count as jumped over",
-            ),
+            ("2.20", "a ball that the cue ball hits at the end of a flight does not count as jumped over"),
             ("3.3, 3.12", "if a player nominates no ball, the ball that the cue ball touches first is nominated"),
             ("3.4 b", "after a tie no lots are drawn: the next player has the choice of the winner of the lot"),
             ("3.12", "a cue ball in hand is snookered if it is snookered at all free places of a grid in the D"),

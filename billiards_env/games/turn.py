@@ -23,7 +23,6 @@ from billiards_env.games.entry import Game, no_rack, no_rerack
 from billiards_env.games.game_state import (
     BREAK_AGAIN,
     HAND_BACK,
-    MOST_PLAYERS,
     NO_RERACK,
     NOT_IN_HAND,
     REPLACE,
@@ -90,28 +89,16 @@ def after_shot(rules, table, positions, state, facts, call):  # out: positions, 
     cue, others = state.cue_balls[0], state.object_balls & ~(facts.potted | facts.driven_off)
     rules.see(table, positions, state, facts, call)
     judgement = judged(rules.judge, state, facts, call)
-    failed = put_back(rules, table, positions, state, judgement, (cue, others))
-    rules.settle(table, positions, state, judgement)
-    if not state.over:
-        rules.look(table, positions, state)
-    return judgement, failed
-
-
-@inlined
-def put_back(rules, table, positions, state, judgement, lying):  # out: positions, state
-    """Spots balls and places a new rack after a shot.
-
-    Returns a ball for which there is no room on the table, or -1. `lying` is the cue ball of the shot and the set of
-    the object balls that stayed on the table.
-    """
-    cue, others = lying
     in_play = others if state.in_hand != NOT_IN_HAND else others | 1 << cue  # a cue ball in hand does not block a spot
     failed = rules.spot(table, positions, judgement.spotted, in_play, cue)
     if judgement.rack == RERACK_REST:
         state.in_hand = rules.rack(table, positions, others, cue)
     elif judgement.rack != NO_RERACK:
         rules.rack(table, positions, 0, state.cue_balls[0])
-    return failed
+    rules.settle(table, positions, state, judgement)
+    if not state.over:
+        rules.look(table, positions, state)
+    return judgement, failed
 
 
 @inlined
@@ -129,8 +116,7 @@ def without_shot(rules, table, k, games):  # out: games
             state.player = (state.player - 1) % state.n_players
         elif kind == STALEMATE:
             state.player = state.breaker
-            for i in range(MOST_PLAYERS):
-                state.fouls[i] = 0
+            state.fouls[:] = 0
     state.choices = 0
     rules.look(table, positions, state)
 

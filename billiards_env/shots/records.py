@@ -326,12 +326,6 @@ def items(name: str, value: Any, count: int | None = None) -> list[Any]:
     return value
 
 
-def pair(name: str, value: Any, within: str) -> tuple[float, float]:
-    """Returns two numbers within a range of `checks.RANGES`."""
-    x, y = items(name, value, 2)
-    return real(f"{name}[0]", x, within), real(f"{name}[1]", y, within)
-
-
 def rows_of(name: str, value: Any, count: int, width: int) -> Rows:
     """Returns `count` rows of `width` numbers."""
     return tuple(

@@ -3,13 +3,12 @@ import math
 import numpy as np
 import pytest
 
-from billiards_env.games import GAMES, Setup, placement
+from billiards_env.games import NO_CALL, Call, Setup, placement
 from billiards_env.games.game_state import IN_HAND, changed, set_of
 from billiards_env.games.referee import first_state
-from billiards_env.games.turn import next_games
 from billiards_env.scene import Balls, Scene, Table, check_positions
 from billiards_env.scene.layouts import PLACING_GAP, layout_plan
-from tests.helpers.games import one_shot
+from tests.helpers.games import next_game, state
 
 SCENE = Scene.named("pool", 15)
 R = SCENE.balls.radius[0]
@@ -25,18 +24,18 @@ def place(point, on_table=(), in_hand="anywhere", positions=AWAY):
     return placement.cue_ball_point(SCENE, positions, state, point)
 
 
-def after_shot(scene, positions, lying, potted, *, target=0, **facts):
+def after_shot(positions, lying, potted, shot="", scene=SCENE, **fields):
     """Returns the positions and the state after a shot of straight pool that pots some balls; `lying` do not move."""
-    balls = set_of(lying) | set_of(potted)
-    state = first_state("straight", scene.n_balls, object_balls=balls, target=target, break_shot=False, in_hand=0)
-    rows = one_shot("straight", state, potted=set_of(potted), **facts)
-    (placed,), (state,), _ = next_games(GAMES["straight"], scene, positions[None], *rows)
-    return placed, state
+    balls, events = set_of({*lying, *potted} - {0}), ", ".join(filter(None, (shot, *map("pocket {}".format, potted))))
+    before = first_state(
+        "straight", scene.n_balls, **{"object_balls": balls, "break_shot": False, "in_hand": 0, **fields}
+    )
+    return next_game("straight", scene, before, positions, events)[:2]
 
 
-def spot(positions, lying, balls, scene=SCENE, scratch=True):
+def spot(positions, lying, potted, scene=SCENE):
     """Returns the positions with balls of pool spotted after a foul. A potted cue ball is no obstacle."""
-    return after_shot(scene, positions, lying, balls, scratch=scratch)[0]
+    return after_shot(positions, lying, potted, scene=scene)[0]
 
 
 def on_axis(*xs):
@@ -59,20 +58,20 @@ SPOTTED = [
 @pytest.mark.parametrize(("balls", "x"), SPOTTED)
 def test_a_ball_is_spotted_on_the_long_string(balls, x):
     positions, lying = on_axis(*balls)
-    positions = spot(positions, lying, [15])
+    positions = spot(positions, lying, [0, 15])
     assert positions[15] == pytest.approx((x, 0.0), abs=1e-15)
     check_positions(SCENE, positions)
 
 
 def test_balls_are_spotted_one_behind_the_other():
-    positions = spot(AWAY, [4], [1, 2, 3])
+    positions = spot(AWAY, [4], [0, 1, 2, 3])
     assert positions[1:4, 0] == pytest.approx(FOOT + 2 * R * np.arange(3), abs=1e-15)
 
 
 def test_a_spotted_ball_does_not_touch_the_cue_ball():
     positions, _ = on_axis(FOOT, FOOT + 2 * R)
     positions[[0, 2]] = positions[[2, 0]]
-    point = spot(positions, [1], [15], scratch=False)[15]
+    point = spot(positions, [1], [15])[15]
     assert point == pytest.approx((FOOT + 2 * R + REACH, 0.0), abs=1e-12)
 
 
@@ -80,12 +79,12 @@ def test_a_ball_near_the_long_string_blocks_a_part_of_it():
     positions, balls = on_axis(FOOT)
     for y, x in ((R, FOOT + math.sqrt(3.0) * R), (2.001 * R, FOOT)):
         positions[1] = FOOT, y
-        assert spot(positions, balls, [9])[9] == pytest.approx((x, 0.0), abs=1e-12)
+        assert spot(positions, balls, [0, 9])[9] == pytest.approx((x, 0.0), abs=1e-12)
 
 
 def test_with_a_blocked_long_string_the_ball_is_placed_off_the_axis():
     small = Scene(Balls.uniform(4, 0.1, 1.0), Table(0.62, 2.0))
-    positions = spot(np.array([[-0.2, 0.0], [0.0, 0.0], [0.2, 0.0], [0.0, 0.5]]), [1, 2], [3], small, scratch=False)
+    positions = spot(np.array([[-0.2, 0.0], [0.0, 0.0], [0.2, 0.0], [0.0, 0.5]]), [1, 2], [3], small)
     assert abs(positions[3, 1]) > 0.15
     check_positions(small, positions)
 
@@ -98,7 +97,7 @@ def test_a_full_table_is_an_error():
     with pytest.raises(ValueError, match=area):
         placement.cue_ball_point(full, positions, state, (0.0, 0.0))
     with pytest.raises(ValueError, match=area):
-        spot(positions, [1, 2, 3], [4], full)
+        spot(positions, [1, 2, 3], [0, 4], full)
 
 
 def test_a_free_point_is_returned_unchanged():
@@ -136,9 +135,7 @@ def test_straight_pool_special_racking_situations(case):  # 4.8
     positions = np.zeros((16, 2))
     positions[15], positions[0] = last or (0.0, 0.0), cue
     on_table = {0, 15} if last else {0}
-    potted = {*range(1, 16)} - on_table
-    shot = {"first": set_of(potted), "cushion_after": True}
-    positions, state = after_shot(SCENE, positions, on_table - {0}, potted, target=100, **shot)
+    positions, state = after_shot(positions, on_table, {*range(1, 16)} - on_table, "hit 0 1", target=100)
     assert IN_HAND[state.in_hand] == in_hand
     assert positions[15] == pytest.approx(last_after)
     assert cue_after is None or positions[0] == pytest.approx(cue_after)
@@ -196,3 +193,38 @@ def test_a_rack_again_needs_balls_of_one_size():
     assert Setup("straight", unequal).target == 0  # without a target the game has a single rack
     with pytest.raises(ValueError, match=r"layout = 'tight_rack' with object balls of radii .*: expected one radius"):
         Setup("straight", unequal, target=10)
+
+
+TABLE = Scene.named("carom").table
+HEAD_SPOT, FOOT_SPOT, CENTRE = (TABLE.head_x, 0.0), (TABLE.foot_x, 0.0), (0.0, 0.0)
+START = (TABLE.head_x, -0.1825 / 1.42 * TABLE.width)
+AWAY_3 = [(-0.3, 0.2), (0.4, 0.3), (0.5, -0.4)]
+STRUCK_2, RERACK = {"player": 1, "cue_balls": (2, 0)}, Call(kind="rerack")
+SET_UP = [
+    # the game, its state, the shot or the call, then: the place of each ball; None for one that stays
+    ("carom", {}, "off 1", [HEAD_SPOT, FOOT_SPOT, START]),  # UMB, art. 28, paper F
+    ("carom", STRUCK_2, "off 2", [START, FOOT_SPOT, HEAD_SPOT]),
+    ("three_cushion", {}, "off 1", [None, FOOT_SPOT, None]),
+    ("three_cushion", {}, "off 2", [None, None, HEAD_SPOT]),  # the next player strikes this ball
+    ("three_cushion", {}, "off 0", [CENTRE, None, None]),
+    ("three_cushion", STRUCK_2, "off 0, off 1", [HEAD_SPOT, FOOT_SPOT, None]),
+    ("carom", STRUCK_2, RERACK, [HEAD_SPOT, FOOT_SPOT, START]),  # 27
+    ("three_cushion", {"touching": (1,)}, RERACK, [HEAD_SPOT, FOOT_SPOT, None]),
+    ("three_cushion", {**STRUCK_2, "touching": (0,)}, RERACK, [CENTRE, None, HEAD_SPOT]),
+    # The equalising inning begins at the starting position (29).
+    ("carom", {"innings": 5, "target": 1}, "hit 0 1, hit 0 2", [HEAD_SPOT, FOOT_SPOT, START]),
+    # A ball whose spot is blocked goes to the spot of the blocking ball, also twice (paper F).
+    ("three_cushion", {"touching": (1,)}, RERACK, [HEAD_SPOT, CENTRE, None], [*AWAY_3[:2], (FOOT_SPOT[0], 0.01)]),
+    ("three_cushion", {}, "off 1", [None, HEAD_SPOT, None], [FOOT_SPOT, (9.0, 0.0), CENTRE]),
+]
+
+
+@pytest.mark.parametrize("case", SET_UP)
+def test_balls_of_carom_are_set_up_again(case):
+    rules, fields, shot, places, *start = case
+    before, (old,), is_call = state(rules, **fields), start or [AWAY_3], isinstance(shot, Call)
+    shot, call = ("", shot) if is_call else (shot, NO_CALL)
+    after, now, found = next_game(rules, Scene.named("carom"), before, old, shot, call)
+    np.testing.assert_allclose(after, [a if b is None else b for a, b in zip(old, places, strict=True)])
+    assert found["on_table"] == (0, 1, 2)
+    assert now == changed(before, choices=0, touching=0) if is_call else now.player != before.player

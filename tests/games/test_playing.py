@@ -5,27 +5,37 @@ import numpy as np
 import pytest
 
 from billiards_env.engine import PIC, Engine
-from billiards_env.games import GAMES, Call, Stroke, custom_opening, opening, play, to_dict
+from billiards_env.games import GAMES, Call, Setup, Stroke, custom_opening, opening, play, to_dict
 from billiards_env.games.game_state import in_play, is_in
-from billiards_env.scene import check_positions, layouts
+from billiards_env.scene import Scene, check_positions
 from billiards_env.scene.layouts import PLACING_GAP, draw
-from tests.helpers.games import in_a_row, random_game, setup, words
+from tests.helpers.games import in_a_row, judge, random_game, setup, state, words
 
 PIT = Engine("pit", 1 / 240)
-TARGETS = {"carom": 2, "snooker": 40}  # scores that random players reach
-NINE, EIGHT, STRAIGHT = setup("nine_ball"), setup("eight_ball"), setup("straight", target=50, call_shot=True)
+REACHED = {"carom": {"target": 2, "innings": 9}, "snooker": {"target": 40}}  # scores that random players reach
+NINE, STRAIGHT = setup("nine_ball"), setup("straight", target=50, call_shot=True)
 PLACES = in_a_row(10)
 
 
 # Openings.
 
 
-@pytest.mark.parametrize("settings", [NINE, EIGHT])
-def test_the_rack_of_a_game_is_that_of_its_layout(settings):
+RACKS = [
+    # the game, the layout of its rack, and the rows of some balls, counted from the foot spot
+    (setup("eight_ball"), "eight_ball", {8: 2}),
+    (NINE, "nine_ball", {1: 0, 9: 2}),
+    (setup("nine_ball", edition="2025"), "nine_ball_2025", {1: -2, 9: 0}),  # WPA 2025 5.2
+]
+
+
+@pytest.mark.parametrize(("settings", "layout", "rows"), RACKS)
+def test_the_rack_of_a_game_is_that_of_its_layout(settings, layout, rows):
     racked = opening(settings, np.random.default_rng(7), "rack").positions
-    assert racked.tobytes() == draw(settings.rules, settings.scene, np.random.default_rng(7)).tobytes()
-    tight = opening(settings, np.random.default_rng(7), "tight_rack").positions[settings.game_rules.deciding_ball]
-    assert tight == pytest.approx([0.635 + 2 * math.sqrt(3) * settings.scene.balls.radius[0], 0.0])
+    assert racked.tobytes() == draw(layout, settings.scene, np.random.default_rng(7)).tobytes()
+    tight = opening(settings, np.random.default_rng(7), "tight_rack").positions
+    foot, step = settings.scene.table.foot_x, math.sqrt(3) * settings.scene.balls.radius[0]
+    for ball, row in rows.items():
+        assert tight[ball] == pytest.approx([foot + row * step, 0.0])
 
 
 @pytest.mark.parametrize(("rules", "layout"), [(name, layout) for name in GAMES for layout in GAMES[name].layouts])
@@ -37,6 +47,17 @@ def test_openings(rules, layout):
     assert words(game.state).in_hand == ("behind" if settings.game_rules.pockets and layout != "random" else "no")
     usual = opening(settings, np.random.default_rng(3)).positions
     assert (usual.tobytes() == game.positions.tobytes()) == (layout == settings.game_rules.layouts[0])
+
+
+def test_in_2025_ten_ball_has_no_safety():  # WPA 2025 6.5
+    for edition, kinds in (("2016", ("shot", "safety")), ("2025", ("shot",))):
+        game = setup("ten_ball", call_shot=True, edition=edition)
+        assert game.kinds(opening(game, np.random.default_rng(0)).state) == kinds
+        assert setup("eight_ball", call_shot=True, edition=edition).has_safety
+
+
+def test_blackball_begins_on_its_usual_table_with_the_black_ball_in_the_middle():
+    assert abs(opening(Setup("blackball", Scene.named("uk_pool")), np.random.default_rng(0)).positions[8, 1]) < 1e-3
 
 
 def test_custom_openings():
@@ -53,14 +74,9 @@ def test_targets():
     assert setup("carom").target == 10
     assert setup("carom", target=0).target == 0
     assert NINE.target is None
+    assert [setup("one_pocket", balls).target for balls in (3, 9, 15)] == [2, 5, 8]
+    assert [setup("bank_pool", balls).target for balls in (9, 15)] == [5, 8]
     assert opening(setup("carom", target=7), np.random.default_rng(0)).state.target == 7
-
-
-def test_no_shot_is_allowed_after_the_end():
-    history, log = random_game(NINE, 1)
-    assert log[-1].game.state.over
-    with pytest.raises(ValueError, match="the game is over"):
-        play(NINE, log[-1].game, history.strokes[0])
 
 
 # Shots on the table.
@@ -92,25 +108,75 @@ def test_straight_pool_a_rack_on_the_table():
     assert played.game.positions[8].tolist() == [0.2, -0.4]
 
 
-def test_straight_pool_three_fouls_on_the_table():
-    game = opening(STRAIGHT, np.random.default_rng(0), "random")
-    for k in range(5):  # both players miss all balls; the first one commits the third foul
-        played = play(STRAIGHT, game, Stroke((0.0, 0.0)))
-        game = played.game
-        assert (words(played.verdict).foul, game.state.player) == ("no_hit", (k + 1) % 2 if k < 4 else 0)
-    state = words(game.state)
-    assert (state.break_shot, state.in_hand, state.scores) == (True, "behind", (-18, -2))
-    assert game.positions[1:].tolist() == layouts.layout_plan("tight_rack", STRAIGHT.scene).spots[1:].tolist()
+def test_a_foul_of_blackball_gives_one_free_shot_and_then_the_visit():
+    """The second player fouls, the first one misses in the free shot and in the visit."""
+    settings = setup("blackball")
+    game = custom_opening(settings, in_a_row(16, {0: (0.0, 0.3), 9: (0.5, 0.3)}), {"player": 1, "solids": 0})
+    turns = []
+    for velocity in ((-0.1, 0.0), (2.0, 0.0), (-0.1, 0.0)):
+        game = play(settings, game, Stroke(velocity)).game
+        turns.append((int(game.state.player), bool(game.state.free_ball)))
+    assert turns == [(0, True), (0, False), (1, True)]
+
+
+# New racks by a call: the game, the call, the state before it, and the ball on the foot spot, the player and the scores
+# after it.
+
+NEW_RACKS = [
+    ("eight_ball", "rerack", {}, 11, 1, (0, 0)),
+    ("eight_ball", "break_again", {}, 11, 0, (0, 0)),
+    ("straight", "break_again", {"scores": [-2, 0], "fouls": [0, 2]}, 1, 0, (-2, 0)),
+    ("nine_ball", "stalemate", {"breaker": 1, "fouls": [2, 1]}, 1, 1, (0, 0)),  # WPA 1.12
+    ("snooker", "stalemate", {"scores": [20, 30], "breaker": 0}, 20, 0, (0, 0)),  # WPBSA 3.16: all points are lost
+]
+
+
+@pytest.mark.parametrize(("rules", "kind", "fields", "on_foot", "player", "scores"), NEW_RACKS)
+def test_a_call_for_a_new_rack(rules, kind, fields, on_foot, player, scores):
+    settings = setup(rules)
+    n, start = settings.scene.n_balls, opening(settings, np.random.default_rng(0), "random")
+    fields = {"player": 1, "choices": [kind], "on_table": [0, *range(3, n)], **fields}
+    game = custom_opening(settings, start.positions, fields)
+    after = play(settings, game, Stroke((0.0, 0.0), call=Call(kind=kind))).game
+    now = words(after.state)
+    assert (now.player, now.break_shot, now.in_hand, now.choices) == (player, True, "behind", ())
+    assert (now.object_balls, now.idle, now.scores) == (tuple(range(1, n)), 0, scores)
+    assert now.fouls == ((0, 0) if kind == "stalemate" else tuple(fields.get("fouls", (0, 0))))
+    assert after.positions[on_foot].tolist() == [settings.scene.table.foot_x, 0.0]
+
+
+def test_a_stalemate_may_be_called_after_six_turns_without_progress():  # WPA 1.12
+    for idle, offered in ((10, False), (11, True)):
+        game = custom_opening(NINE, in_a_row(10, {0: (0.5, 0.4), 1: (0.9, 0.4)}), {"idle": idle})
+        state = play(NINE, game, Stroke((2.0, 0.02))).game.state
+        assert (state.idle, "stalemate" in words(state).choices) == (idle + 1, offered)
 
 
 # Whole games.
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("rules", ["one_pocket", "bank_pool"])
+def test_the_balls_off_the_table_are_the_points_above_zero(rules, seed):
+    rng, now = np.random.default_rng(seed), state(rules, target=8)
+    for _ in range(200):
+        if now.over:
+            break
+        lying = rng.permutation(words(now).object_balls).tolist()
+        cushion = [f"cushion {lying[0]}"] * (rng.random() < 0.7)
+        pots = [f"pocket {ball} {rng.integers(6)}" for ball in lying[: rng.integers(3)]]
+        scratch = ["pocket 0"] * (rng.random() < 0.2)
+        now, found = judge(rules, now, ", ".join((f"hit 0 {lying[0]}", *cushion, *pots, *scratch)))
+        assert len(found["object_balls"]) == 15 - sum(max(score, 0) for score in found["scores"])
+    assert now.over
+    assert max(*now.scores, *(now.fouls + 5)) >= 8
 
 
 @pytest.mark.parametrize(("rules", "engine"), [*((rules, PIC) for rules in GAMES), ("nine_ball", PIT), ("carom", PIT)])
 def test_random_games_end_and_keep_all_balls(rules, engine):
     ended = 0
     for seed in range(3):
-        settings = setup(rules, engine=engine, **({"target": TARGETS[rules]} if rules in TARGETS else {}))
+        settings = setup(rules, engine=engine, **REACHED.get(rules, {}))
         history, log = random_game(settings, seed)
         down = Counter()
         game = history.opening

@@ -10,12 +10,17 @@ from billiards_env import Scene, billiards_v0
 from billiards_env.envs import make_env
 from billiards_env.games import Call, Setup, Stroke, custom_opening, opening, play
 from tests.helpers.errors import refusals
-from tests.helpers.games import in_a_row, setup
+from tests.helpers.games import in_a_row, setup, state
 
 ROUND = {"base": "pool", "balls": {"radius": [0.03, 0.03], "mass": [0.2, 0.2]}}
 CORNERS = [{"x": -1, "y": -0.5}, {"x": 1, "y": -0.5}, {"x": 0, "y": 0.5}]
 TRIANGLE = Scene.from_dict(
     {**ROUND, "table": {"length": 2, "width": 1, "outline": CORNERS, "pockets": [{"x": 0, "y": 0.5, "radius": 0.1}]}}
+)
+POOL = Scene.named("pool", 3)
+MIRRORED, ONLY_THREE = (
+    dataclasses.replace(POOL, table=dataclasses.replace(POOL.table, pockets=pockets))
+    for pockets in (POOL.table.pockets[::-1], POOL.table.pockets[:3])
 )
 HEAVY = Scene.from_dict({**ROUND, "balls": {"radius": [0.03, 0.03], "mass": [0.2, "inf"]}})
 PLACES, NINE, SNOOKER = in_a_row(10), setup("nine_ball"), setup("snooker")
@@ -37,6 +42,8 @@ SETTINGS = [
     ("snooker", {"scene": Scene.named("pool", 15)}, "expected a table with a D"),
     ("straight", {"scene": TRIANGLE}, "expected a playing surface that is a rectangle"),
     ("straight", {"scene": HEAVY}, "infinite mass"),
+    ("one_pocket", {"scene": MIRRORED}, "rules = 'one_pocket' with a table of other pockets 2 and 3: expected"),
+    ("one_pocket", {"scene": ONLY_THREE}, "expected these pockets in the foot corners"),
     ("eight_ball", {"n_players": 3}, "n_players = 3: expected 2 for rules 'eight_ball'"),
     ("nine_ball", {"target": 3}, "target = 3"),
     ("straight", {"target": -1}, "target = -1"),
@@ -100,9 +107,11 @@ def test_wrong_strokes(state, stroke, message, kind):
         play(NINE, custom_opening(NINE, PLACES, state), stroke)
 
 
+OVER = custom_opening(NINE, PLACES)._replace(state=state("nine_ball", over=True))
 STATE_ALONE, BALLS_1_AND_2 = {"state": {"player": 1}}, PLACES[[0, 1, 1, *range(3, 10)]]
 CALLS = [
     (lambda: opening(setup("carom"), np.random.default_rng(0), "rack"), "layout = 'rack' with rules 'carom': expected"),
+    (lambda: play(NINE, OVER, Stroke((1.0, 0.0))), "the game is over"),
     (lambda: custom_opening(NINE, PLACES[:9]), r"positions has shape \(9, 2\)"),
     (lambda: custom_opening(NINE, BALLS_1_AND_2), "balls 1 and 2"),
     (lambda: NINE.callable(custom_opening(NINE, PLACES).state), "game = 'nine_ball'"),

@@ -2,16 +2,16 @@
 
 import dataclasses
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
 from billiards_env import Scene
 from billiards_env.engine import empty_shots
 from billiards_env.games import CALLS, GAMES, IN_HAND, NO_CALL, Call, Setup, referee, to_dict
-from billiards_env.games import facts as shot_facts
+from billiards_env.games.facts import facts_of_shots
 from billiards_env.games.game_state import CALL, changed, row, set_of
 from billiards_env.games.playing import History, Stroke, custom_opening, opening, play
+from billiards_env.games.turn import next_games
 
 
 def setup(rules, balls=None, **kwargs):
@@ -56,29 +56,29 @@ def random_game(settings, seed, shots=400):
     return History(settings, start, tuple(strokes)), log
 
 
-def record_of(text, times=None, cue=0):
+def record_of(text, cue=0):
     """Returns the records of a shot, `Shots` with m = 1, from its events.
 
-    The text is such as "hit 0 1, cushion 1, pocket 1 5". The events are one second apart or at the given times.
+    The text is such as "hit 0 1 & hit 0 2, cushion 1, pocket 1 5, off 2". Events with "&" are at the same instant.
     """
     shots = empty_shots(1, 1 + max(game.n_object_balls[1] for game in GAMES.values()))
-    shots.cue[0], shots.first_hit[0], shots.first_hit_time[0] = cue, -1, np.inf
-    shots.cushions[0], shots.touched_first[0] = 0, False
-    shots.cushions_before_hit[0] = shots.pockets[0] = shots.pot_order[0] = -1
-    for second, event in enumerate(event.split() for event in text.split(",") if event):
-        kind, ball, other = event[0], int(event[1]), int((*event, 0)[2])
-        time = second if times is None else times[second]
-        if kind == "cushion":
-            shots.cushions[0, ball] += 1
-        elif kind == "pocket":
-            shots.pot_order[0, ball], shots.pockets[0, ball] = shots.pot_order.max() + 1, other
-        elif kind == "hit" and cue in (ball, other):
-            hit = ball + other - cue
-            if shots.first_hit[0] < 0:
-                shots.first_hit[0], shots.first_hit_time[0] = hit, time
-            if shots.cushions_before_hit[0, hit] < 0:
-                shots.cushions_before_hit[0, hit] = shots.cushions[0, cue]
-                shots.touched_first[0, hit] = time == shots.first_hit_time[0]
+    shots.cue[0], shots.first_hit[0], shots.cushions[0], shots.touched_first[0] = cue, -1, 0, False
+    shots.cushions_before_hit[0] = shots.pockets[0] = shots.pot_order[0] = first = -1
+    for time, instant in enumerate(text.split(",") if text else ()):
+        for kind, *numbers in map(str.split, instant.split("&")):
+            ball, other = map(int, (*numbers, -1)[:2])
+            if kind == "cushion":
+                shots.cushions[0, ball] += 1
+            elif kind in ("pocket", "off"):
+                shots.pot_order[0, ball] = shots.pot_order.max() + 1
+                shots.pockets[0, ball] = max(other, 0) if kind == "pocket" else -1
+            elif cue in (ball, other):
+                hit = ball + other - cue
+                if shots.first_hit[0] < 0:
+                    shots.first_hit[0], first = hit, time
+                if shots.cushions_before_hit[0, hit] < 0:
+                    shots.cushions_before_hit[0, hit] = shots.cushions[0, cue]
+                    shots.touched_first[0, hit] = time == first
     return shots
 
 
@@ -104,42 +104,49 @@ def state(rules, *, on_table=None, players=2, **fields):
     return changed(first, object_balls=set_of(set(balls) - {cues[0]}), **fields)
 
 
-def judge(rules, before, log, call=NO_CALL):
-    """Returns the state before the next shot and the ruling on a shot, in words, from its events, see `record_of`."""
-    record = record_of(log, cue=int(before.cue_balls[0])) if isinstance(log, str) else log
-    calls = one_call(call)
-    facts = shot_facts.facts_of_shots(GAMES[rules].facts, record, None, calls)
-    (after,), (verdict,) = referee.judge_shots(rules, np.array([before]), facts, calls)
-    following = {"solids": -1, "colour": False, **to_dict(after)}
-    return after, SimpleNamespace(**to_dict(verdict), **{name: following[name] for name in FOLLOWING})
+def one_shot(rules, before, shot, call=NO_CALL):
+    """Returns the state, the facts and the call of a shot, (1,) each.
+
+    `shot` has the events, see `record_of`, or the facts, with tuples of balls as sets.
+    """
+    calls = np.array([row({**call._asdict(), "kind": CALLS.index(call.kind)}, CALL)])
+    if isinstance(shot, str):
+        facts = facts_of_shots(GAMES[rules].facts, record_of(shot, int(before.cue_balls[0])), None, calls)
+    else:
+        sets = {name: set_of(value) if isinstance(value, tuple) else value for name, value in shot.items()}
+        facts = np.array([row(sets, GAMES[rules].facts_type)])
+    return np.array([before]), facts, calls
 
 
-FOLLOWING = ("in_hand", "choices", "solids", "colour", "over", "winner")
+def judge(rules, before, shot, call=NO_CALL):
+    """Returns the state before the next shot, and in words this state with the verdict; `shot` is as in `one_shot`."""
+    (after,), (verdict,) = referee.judge_shots(rules, *one_shot(rules, before, shot, call))
+    return after, OWN | to_dict(after) | to_dict(verdict)
+
+
+def next_game(rules, scene, before, positions, shot, call=NO_CALL):
+    """Returns the positions before the next shot, and the results of `judge`; `positions` are those after the shot."""
+    arrays = one_shot(rules, before, shot, call)
+    (placed,), (after,), (verdict,) = next_games(GAMES[rules], scene, np.array([positions]), *arrays)
+    return placed, after, to_dict(after) | to_dict(verdict)
+
+
+OWN = {"solids": -1, "colour": False, "free_ball": False}
+"""Fields of the own states of some games."""
+
 FACTS = tuple({fact for game in GAMES.values() for fact in game.facts})
 
 
-def facts_in_words(record):
-    """Returns all facts of a shot in words, from its records or its events, see `record_of`."""
-    return words(shot_facts.facts_of_shots(FACTS, record_of(record) if isinstance(record, str) else record)[0])
-
-
-def one_call(call=NO_CALL):
-    """Returns a call, (1,) `CALL`."""
-    return np.array([row({**call._asdict(), "kind": CALLS.index(call.kind)}, CALL)])
-
-
-def one_shot(rules, before, call=NO_CALL, **facts):
-    """Returns the state, the facts and the call of a shot, (1,) each. Facts that the game does not use are left out."""
-    kind: Any = GAMES[rules].facts_type
-    used = {name: value for name, value in facts.items() if name in kind.names}
-    return np.array([before]), np.array([row(used, kind)]), one_call(call)
+def facts_in_words(events, cue=0):
+    """Returns all facts of a shot in words from its events, see `record_of`."""
+    return to_dict(facts_of_shots(FACTS, record_of(events, cue))[0])
 
 
 def ruling(foul="", points=0, **fields):
-    """Returns an expected verdict in words, with the fields of the next state that the rules of a game set."""
+    """Returns what the rules make of a shot, in words: the verdict, and the fields of the next state that they set."""
     usual = {"penalty": 0, "continues": False, "spotted": (), "rack": ""}
-    after = {"in_hand": "no", "choices": (), "solids": -1, "colour": False, "over": False, "winner": -1}
-    return SimpleNamespace(foul=foul, points=points, **{**usual, **after, **fields})
+    after = {"in_hand": "no", "choices": (), "over": False, "winner": -1, **OWN}
+    return {"foul": foul, "points": points, **usual, **after, **fields}
 
 
 def in_a_row(n, places=None):

@@ -10,9 +10,10 @@ from billiards_env.envs.arguments import make_model
 from billiards_env.envs.episodes import Episodes
 from billiards_env.envs.tasks import TASKS
 from billiards_env.games import CALL, FOULS, GAMES, Call, Stroke, custom_opening, opening, play, referee
+from billiards_env.games.facts import facts_of_shots
 from billiards_env.games.game_state import changed, in_play, members, set_of
 from billiards_env.players.batch import best_call, play_batch
-from tests.helpers.games import setup, state
+from tests.helpers.games import record_of, setup, state
 
 CALLED = [name for name in GAMES if GAMES[name].callable]
 CASES = (
@@ -157,3 +158,10 @@ def test_wrong_arrays_are_refused():
     states["player"] = [1, 2]
     with pytest.raises(ValueError, match=r"player = .*2.* of .* players: expected 0 to the number less 1"):
         referee.judge_shots("nine_ball", states, facts, calls[:2])
+
+
+def test_the_call_that_a_player_does_not_choose_is_that_of_the_bank():
+    record = record_of("hit 0 5, pocket 1 0, cushion 5, pocket 5 2")
+    played: Any = SimpleNamespace(facts=facts_of_shots(GAMES["bank_pool"].facts, record)[0], pots=((1, 0), (5, 2)))
+    assert best_call(setup("bank_pool"), state("bank_pool", call_shot=True), played) == Call(5, 2)
+    assert best_call(setup("straight"), state("straight", call_shot=True), played) == Call(1, 0)
