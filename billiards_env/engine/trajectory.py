@@ -15,7 +15,6 @@ from billiards_env.physics.state import (
     AY,
     LASTS,
     POTTED,
-    REST,
     ROLLING,
     SLIDING,
     T0,
@@ -145,8 +144,7 @@ class Trajectory(NamedTuple):
         roll = (self.velocities_on(pieces, times) - slips) / radius
         upright = np.maximum(abs(rows[:, WZ]) - np.where(phase == AIRBORNE, 0.0, spin_decay) * since, 0.0)
         spins = np.column_stack((-roll[:, 1], roll[:, 0], np.copysign(upright, rows[:, WZ])))
-        turns = (phase != REST) & (phase != POTTED) & (since < rows[:, LASTS])
-        return np.where(turns[:, None], spins, 0.0)
+        return np.where((since < rows[:, LASTS])[:, None], spins, 0.0)
 
     def _pieces(self, ball: int, times: Floats, before: bool = False) -> NDArray[np.intp]:
         mine = np.flatnonzero(self.ball == ball)
