@@ -19,9 +19,9 @@ from agents.learners import LEARNERS
 from billiards_env.bench.frozen import FROZEN
 from billiards_env.envs import make_model
 from billiards_env.envs.tasks import task_of
+from billiards_env.settings import read_settings
 from billiards_env.shots.noise import EXECUTION_NOISE
 from billiards_env.support.checks import Range, entry_of, fields_of, integer, key_of, number, one_of, short, short_name
-from billiards_env.support.settings import read_settings
 
 LEARNING = Path(__file__).resolve().parent.parent / "configs" / "learning.yaml"
 

@@ -35,8 +35,8 @@ from billiards_env.bench.frozen import FROZEN, NAMESPACE
 from billiards_env.intervals import as_percent, over_seeds
 from billiards_env.players.strategies import FINALISTS, REPEATS
 from billiards_env.sb3.weights import slim
+from billiards_env.settings import read_settings
 from billiards_env.support.files import write_atomically, write_json
-from billiards_env.support.settings import read_settings
 from studies import JOBS, RESULTS, RUNS, completed, executor, fill, frozen_tasks, read_results
 
 OUTPUT = RESULTS / "learning.json"

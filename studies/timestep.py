@@ -28,9 +28,9 @@ from billiards_env.bench.evaluation import evaluation_seeds
 from billiards_env.engine import Engine
 from billiards_env.sb3 import load_policy
 from billiards_env.scene import Scene
+from billiards_env.settings import read_settings
 from billiards_env.shots.simulation import simulate_batch
 from billiards_env.support.files import write_atomically, write_json
-from billiards_env.support.settings import read_settings
 from studies import JOBS, RESULTS, RUNS, completed, executor, resumed
 from studies.learning import trained
 from studies.timestep_report import CUTS, EXACT, blocks, draw

@@ -3,6 +3,7 @@
 Modules:
     tangent: Makes the derivative of a law from its source.
     rules: The derivatives of laws that `tangent` does not make.
+    state_laws: The laws as functions of the states of balls.
     lanes: The change of balls through a stretch or an event.
     sweeps: How a change passes through a whole shot, forwards and backwards.
     nonsmooth_events: Events without a derivative.

@@ -12,12 +12,15 @@ import math
 import numpy as np
 
 from billiards_env.derivatives.lanes import BALL_WIDTH, D_TIME, DX, DY, stretch_lane
+from billiards_env.derivatives.state_laws import law_numbers_of
 from billiards_env.derivatives.sweeps import (
     LANE_WORK,
     RecordedShots,
+    balls_of,
     begin_lanes,
     begin_pieces,
     empty_tape,
+    event_time,
     load_changes,
     look_after,
     push_event,
@@ -25,11 +28,11 @@ from billiards_env.derivatives.sweeps import (
     stretch_until,
     trace,
 )
-from billiards_env.engine.log import BALL, balls_of, event_time
+from billiards_env.engine.log import BALL
 from billiards_env.engine.runner import INTERRUPTED
 from billiards_env.jit import allocating, entry_point, inlined
 from billiards_env.jit.interrupt import end_call
-from billiards_env.physics.state import Time, law_numbers_of
+from billiards_env.physics.state import Time
 
 
 @inlined

@@ -17,14 +17,13 @@ from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
 from billiards_env.derivatives.rules import SMOOTH
+from billiards_env.derivatives.state_laws import bounce, coast_from, law_changes, meet, slip_of, spin_of
 from billiards_env.derivatives.tangent import as_kernel, tangent_of
 from billiards_env.jit import entry_point, inlined
-from billiards_env.physics.ball_ball import meet
-from billiards_env.physics.ball_cushion import bounce
 from billiards_env.physics.geometry.pockets import outwards_at
 from billiards_env.physics.geometry.walls import centres_at
 from billiards_env.physics.laws.balls import distance_of
-from billiards_env.physics.laws.cloth import SLIP_RATE, coast_from, drive, slip_of, spin_after, spin_of
+from billiards_env.physics.laws.cloth import SLIP_RATE, drive, spin_after
 from billiards_env.physics.laws.cushion import CushionMotion, restitution_is_smooth
 from billiards_env.physics.laws.tables import CUSHIONS
 from billiards_env.physics.state import (
@@ -40,7 +39,6 @@ from billiards_env.physics.state import (
     SPINNING,
     BallState,
     SceneKernels,
-    law_changes,
 )
 from billiards_env.physics.strike import ELEVATION, HEADING, SIDE, SPEED, TOP, CueNumbers, strike_by
 
@@ -107,12 +105,12 @@ class Tangents(NamedTuple):
 
     Attributes:
         drive: The tangent of `cloth.drive`.
-        coast: That of `cloth.coast_from`.
-        slip_of: That of `cloth.slip_of`.
-        spin_of: That of `cloth.spin_of`.
+        coast: That of `state_laws.coast_from`.
+        slip_of: That of `state_laws.slip_of`.
+        spin_of: That of `state_laws.spin_of`.
         distance_of: That of `balls.distance_of`.
-        meet: That of `ball_ball.meet`.
-        bounce: That of `ball_cushion.bounce`.
+        meet: That of `state_laws.meet`.
+        bounce: That of `state_laws.bounce`.
     """
 
     drive: Any

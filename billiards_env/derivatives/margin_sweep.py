@@ -37,14 +37,17 @@ from billiards_env.derivatives.passing import (
     touched_circle,
     turn_time,
 )
+from billiards_env.derivatives.state_laws import law_numbers_of
 from billiards_env.derivatives.sweeps import (
     LANE_WORK,
     RecordedShot,
     RecordedShots,
     Tape,
+    balls_of,
     begin_lanes,
     begin_pieces,
     empty_tape,
+    event_time,
     load_changes,
     look_after,
     push_event,
@@ -52,7 +55,7 @@ from billiards_env.derivatives.sweeps import (
     stretch_until,
     trace,
 )
-from billiards_env.engine.log import BALL, BALL_BALL, BALL_CUSHION, BALL_POCKET, KIND, OTHER, TIME, balls_of, event_time
+from billiards_env.engine.log import BALL, BALL_BALL, BALL_CUSHION, BALL_POCKET, KIND, OTHER, TIME
 from billiards_env.engine.runner import INTERRUPTED
 from billiards_env.jit import allocating, entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call
@@ -60,7 +63,7 @@ from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import misses_circle
 from billiards_env.physics.geometry.walls import is_beside
 from billiards_env.physics.motion import place_after
-from billiards_env.physics.state import Time, later, law_numbers_of
+from billiards_env.physics.state import Time, later
 
 _TOUCHING = 1e-9  # m; a gap that is less than minus this is not on the ball's side of a cushion
 _LEAST = 2.0**-1022  # m; the margin of a contact with a smaller depth, or with a depth that rounding makes negative

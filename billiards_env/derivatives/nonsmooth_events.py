@@ -26,8 +26,11 @@ from billiards_env.derivatives.sweeps import (
     RecordedShot,
     RecordedShots,
     Tape,
+    balls_of,
     begin_pieces,
+    begin_time,
     empty_tape,
+    event_time,
     look_after,
     shot_of,
     trace,
@@ -44,16 +47,27 @@ from billiards_env.engine.log import (
     SEGMENT_ROW,
     SLIDING_ROLLING,
     TIME,
-    balls_of,
-    begin_time,
-    event_time,
 )
 from billiards_env.engine.runner import INTERRUPTED
 from billiards_env.jit import allocating, entry_point, inlined, kernel
 from billiards_env.jit.interrupt import end_call
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import misses_circle
-from billiards_env.physics.geometry.walls import is_at_joint, is_beside
+from billiards_env.physics.geometry.walls import (
+    BEGIN_TX,
+    BEGIN_TY,
+    END_TX,
+    END_TY,
+    HALF_LINE,
+    JOINT,
+    LINE_X,
+    LINE_Y,
+    TIP_X,
+    TIP_Y,
+    TX,
+    TY,
+    is_beside,
+)
 from billiards_env.physics.laws.cloth import NEAR, roll_speed_near
 from billiards_env.physics.motion import place_after
 from billiards_env.physics.state import (
@@ -125,6 +139,18 @@ class Pass(NamedTuple):
     time: Any
     reason: Any
     within: Any
+
+
+@inlined
+def is_at_joint(wall, x, y, gap, outline):
+    """Returns whether a ball at (x, y) touches a cushion where its curvature changes, up to a gap, m."""
+    near = 2.0 * JOINT + gap
+    if wall < len(outline.lines):
+        line = outline.lines[wall]
+        return abs(abs(line[TX] * (x - line[LINE_X]) + line[TY] * (y - line[LINE_Y])) - line[HALF_LINE]) <= near
+    tip = outline.tips[wall - len(outline.lines)]
+    dx, dy = x - tip[TIP_X], y - tip[TIP_Y]
+    return abs(dx * tip[BEGIN_TX] + dy * tip[BEGIN_TY]) <= near or abs(dx * tip[END_TX] + dy * tip[END_TY]) <= near
 
 
 @inlined

@@ -9,7 +9,8 @@ import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from billiards_env.derivatives.sweeps import ball_before, stretch_until
+from billiards_env.derivatives.state_laws import law_numbers_of
+from billiards_env.derivatives.sweeps import ball_before, begin_time, event_time, stretch_until
 from billiards_env.engine.log import (
     BALL,
     BALL_BALL,
@@ -19,14 +20,23 @@ from billiards_env.engine.log import (
     OTHER,
     SEGMENT_PHASE,
     SEGMENT_ROW,
-    begin_time,
-    event_time,
 )
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.geometry.contact import sweep
 from billiards_env.physics.geometry.pockets import path_to
 from billiards_env.physics.geometry.roots import bracketed_root, quartic
-from billiards_env.physics.geometry.walls import Circle, centres_at, is_on_arc, line_side, tip_circle
+from billiards_env.physics.geometry.walls import (
+    LINE_X,
+    LINE_Y,
+    NX,
+    NY,
+    TIP_X,
+    TIP_Y,
+    Circle,
+    centres_at,
+    faces,
+    tip_circle,
+)
 from billiards_env.physics.motion import Path, difference, path_after, place_after, relative_to
 from billiards_env.physics.state import (
     AX,
@@ -37,7 +47,6 @@ from billiards_env.physics.state import (
     X,
     Y,
     before,
-    law_numbers_of,
     since,
 )
 
@@ -71,6 +80,32 @@ class Span(NamedTuple):
     begin: Any
     end: Any
     event: Any
+
+
+class Side(NamedTuple):
+    """A straight cushion.
+
+    Attributes:
+        nx: Unit normal into the cushion along x.
+        ny: The same along y.
+        room: Largest coordinate of the ball along the normal, m.
+    """
+
+    nx: Any
+    ny: Any
+    room: Any
+
+
+@inlined
+def is_on_arc(tip, x, y):
+    """Returns whether the arc of a tip is the part of its circle that is nearest to (x, y), relative to its centre."""
+    return faces(tip, tip[TIP_X] + x, tip[TIP_Y] + y)
+
+
+@inlined
+def line_side(line, radius):
+    """Returns the `Side` of a row of `Outline.lines` for a ball with a radius, m."""
+    return Side(line[NX], line[NY], line[NX] * line[LINE_X] + line[NY] * line[LINE_Y] - radius)
 
 
 @inlined

@@ -48,6 +48,7 @@ from billiards_env.derivatives.lanes import (
     wall_at,
     wall_lane,
 )
+from billiards_env.derivatives.state_laws import bounce, coast, law_numbers_of, meet
 from billiards_env.engine.log import (
     BALL,
     BALL_BALL,
@@ -58,17 +59,13 @@ from billiards_env.engine.log import (
     SEGMENT_PHASE,
     SEGMENT_ROW,
     TIME,
-    balls_of,
-    begin_time,
-    event_time,
+    TIME_LO,
 )
 from billiards_env.engine.runner import INTERRUPTED
 from billiards_env.jit import allocating, entry_point, expanded, inlined, kernel
 from billiards_env.jit.interrupt import end_call, interrupted
-from billiards_env.physics.ball_ball import meet
-from billiards_env.physics.ball_cushion import bounce
 from billiards_env.physics.geometry.walls import NX, NY
-from billiards_env.physics.laws.cloth import coast, drive, phase_of
+from billiards_env.physics.laws.cloth import drive, phase_of
 from billiards_env.physics.state import (
     AX,
     AY,
@@ -79,12 +76,12 @@ from billiards_env.physics.state import (
     SLIDING_AND_ROLLING,
     SPINNING,
     T0,
+    T0_LO,
     VX,
     VY,
     SceneArrays,
     Time,
     ball_of,
-    law_numbers_of,
     scene_of,
     since,
 )
@@ -129,6 +126,24 @@ class RecordedShot(NamedTuple):
     scene: SceneArrays
     tangents: Any
     is_sphere: Any
+
+
+@inlined
+def event_time(events, e):
+    """Returns the `Time` of event e."""
+    return Time(events[e, TIME], events[e, TIME_LO])
+
+
+@inlined
+def balls_of(events, e):
+    """Returns the number of balls of event e."""
+    return 2 if events[e, KIND] == BALL_BALL else 1
+
+
+@inlined
+def begin_time(segment):
+    """Returns the `Time` at which a piece of a trajectory begins."""
+    return Time(segment[SEGMENT_ROW + T0], segment[SEGMENT_ROW + T0_LO])
 
 
 @expanded

@@ -27,6 +27,7 @@ except ModuleNotFoundError as error:
     raise missing("pygame", "render") from error
 
 from billiards_env.drawing.materials import paint_table
+from billiards_env.drawing.orientation import VISIBLE
 from billiards_env.drawing.recording import Floats, Recording, check_pair, frame_times
 from billiards_env.drawing.spheres import Painter, ring, shadow
 from billiards_env.drawing.style import (
@@ -45,7 +46,6 @@ from billiards_env.drawing.style import (
     tray,
 )
 from billiards_env.drawing.text import text_image, write
-from billiards_env.engine.orientation import VISIBLE
 from billiards_env.scene import Scene
 
 Frame = NDArray[np.uint8]

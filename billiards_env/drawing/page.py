@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from billiards_env.drawing import style
+from billiards_env.drawing.orientation import VISIBLE
 from billiards_env.drawing.recording import Recording, recording_of
-from billiards_env.engine.orientation import VISIBLE
 from billiards_env.physics.state import AIRBORNE, VZ, Z
 from billiards_env.scene import Scene
 from billiards_env.scene.table import Table

@@ -29,9 +29,9 @@ except ModuleNotFoundError as error:
     raise missing("matplotlib", "plot") from error
 
 from billiards_env.drawing import style
+from billiards_env.drawing.orientation import VISIBLE, Turning
 from billiards_env.drawing.recording import LEAST_HOP, Floats, Recording, check_pair, recordings_of
 from billiards_env.drawing.style import CHALK, CLOTH, INK, RAIL, Look, looks, rail_width
-from billiards_env.engine.orientation import VISIBLE, Turning
 from billiards_env.scene import Scene
 from billiards_env.scene.table import Table
 from billiards_env.shots.result import ShotResult

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from billiards_env.engine.orientation import ERROR, Turning, turning
+from billiards_env.drawing.orientation import ERROR, Turning, turning
 from billiards_env.engine.trajectory import Trajectory
 from billiards_env.physics.state import AIRBORNE, T0, VZ
 from billiards_env.scene import Scene
@@ -81,7 +81,7 @@ class Recording(NamedTuple):
         return np.hypot(*self.trajectory.velocities(ball, numbers("times", times)).T)
 
     def turning(self, faces: ArrayLike | None = None, error: float = ERROR) -> Turning:
-        """Returns the rotation of the balls; the arguments are as in `engine.orientation.turning`."""
+        """Returns the rotation of the balls; the arguments are as in `drawing.orientation.turning`."""
         return turning(self.scene, self.trajectory, self.time, faces, error)
 
     def corners(self, ball: int) -> Floats:

@@ -16,7 +16,7 @@ import pygame
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.drawing import style
-from billiards_env.engine.orientation import Floats, matrices
+from billiards_env.drawing.orientation import Floats, matrices
 
 ZOOM, RING_ZOOM = 2, 8
 """Enlargement of a ball and of a ring before they are reduced."""

@@ -239,22 +239,19 @@ def _predict_crossing(i, now, state, scene, queue):  # out: queue
     queue.crossing[i], queue.direction[i] = math.inf, -1
     if not moves(state, i):
         return
-    columns, rows = queue.head.shape
-    s = state.rows[i]
-    t0 = since(now, own_time(state, i))
+    s, t0 = state.rows[i], since(now, own_time(state, i))
     x, y, vx, vy = motion_after(state, i, t0)
+    columns, rows = queue.head.shape
+    along_x = queue.column[i], columns, scene.numbers.half_length, x, vx, s[AX]
+    along_y = queue.row[i], rows, scene.numbers.half_width, y, vy, s[AY]
     first = s[LASTS] - t0
     for k in range(4):
-        sign = 1.0 if k % 2 else -1.0
-        edge = (queue.column[i] if k < 2 else queue.row[i]) + k % 2
-        if edge == 0 or edge == (columns if k < 2 else rows):
+        cell, count, half, place, velocity, acceleration = along_x if k < 2 else along_y
+        edge, sign = cell + k % 2, (1.0 if k % 2 else -1.0)
+        if edge == 0 or edge == count:
             continue
-        if k < 2:
-            line = (2.0 * edge / columns - 1.0) * scene.numbers.half_length
-            t = line_time(sign * (line - x), sign * vx, sign * s[AX], first)
-        else:
-            line = (2.0 * edge / rows - 1.0) * scene.numbers.half_width
-            t = line_time(sign * (line - y), sign * vy, sign * s[AY], first)
+        line = (2.0 * edge / count - 1.0) * half
+        t = line_time(sign * (line - place), sign * velocity, sign * acceleration, first)
         if t < first:
             first, queue.direction[i] = t, k
     if queue.direction[i] >= 0:
@@ -278,39 +275,37 @@ def _predict_in_cell(i, c, r, state, scene, queue):  # out: queue
 
 
 @kernel
+def _predict_in_cells(i, first, last, state, scene, queue):  # out: queue
+    """Predicts the meetings of ball i with the balls in a block of cells, from the column and row `first` to `last`."""
+    columns, rows = queue.head.shape
+    for c in range(max(0, first[0]), min(columns, last[0] + 1)):
+        for r in range(max(0, first[1]), min(rows, last[1] + 1)):
+            _predict_in_cell(i, c, r, state, scene, queue)
+
+
+@kernel
 def _predict_neighbours(i, state, scene, queue):  # out: queue
     """Predicts the meetings of ball i with the balls in its own and the neighbouring cells."""
     queue.meeting_hi[i] = math.inf
-    columns, rows = queue.head.shape
-    for c in range(max(0, queue.column[i] - 1), min(columns, queue.column[i] + 2)):
-        for r in range(max(0, queue.row[i] - 1), min(rows, queue.row[i] + 2)):
-            _predict_in_cell(i, c, r, state, scene, queue)
+    c, r = queue.column[i], queue.row[i]
+    _predict_in_cells(i, (c - 1, r - 1), (c + 1, r + 1), state, scene, queue)
     _schedule(i, queue)
 
 
 @kernel
 def _cross(i, state, scene, queue):  # out: queue
     """Moves ball i to the next cell, and predicts its meetings in the cells that have become neighbours."""
-    columns, rows = queue.head.shape
     _leave(i, queue)
-    step = 2 * (queue.direction[i] % 2) - 1
-    along_x = queue.direction[i] < 2
-    if along_x:
-        queue.column[i] += step
-    else:
-        queue.row[i] += step
+    step, along_x = 2 * (queue.direction[i] % 2) - 1, queue.direction[i] < 2
+    queue.column[i] += step if along_x else 0
+    queue.row[i] += 0 if along_x else step
     _enter(i, queue)
     _predict_crossing(i, Time(queue.hi[i], 0.0), state, scene, queue)
+    c, r = queue.column[i], queue.row[i]
     if along_x:
-        c = queue.column[i] + step
-        if 0 <= c < columns:
-            for r in range(max(0, queue.row[i] - 1), min(rows, queue.row[i] + 2)):
-                _predict_in_cell(i, c, r, state, scene, queue)
+        _predict_in_cells(i, (c + step, r - 1), (c + step, r + 1), state, scene, queue)
     else:
-        r = queue.row[i] + step
-        if 0 <= r < rows:
-            for c in range(max(0, queue.column[i] - 1), min(columns, queue.column[i] + 2)):
-                _predict_in_cell(i, c, r, state, scene, queue)
+        _predict_in_cells(i, (c - 1, r + step), (c + 1, r + step), state, scene, queue)
     _schedule(i, queue)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env.jit import inlined, kernel
-from billiards_env.physics.state import FLIGHT_WIDTH, ROLLING, SLIDING, T0, T0_LO, VX, VY, WIDTH, Time, X, Y
+from billiards_env.physics.state import FLIGHT_WIDTH, ROLLING, SLIDING, VX, VY, WIDTH, X, Y
 
 KINDS = ("ball_ball", "cushion", "pocket", "sliding_rolling", "rolling_rest", "spinning_rest", "rolling_slower")
 KINDS += ("landing", "off_table")
@@ -138,24 +138,6 @@ def named_events(rows: Floats) -> NDArray[Any]:
     for name, column in _COLUMNS.items():
         events[name] = rows[:, column]
     return events
-
-
-@inlined
-def event_time(events, e):
-    """Returns the `Time` of event e."""
-    return Time(events[e, TIME], events[e, TIME_LO])
-
-
-@inlined
-def balls_of(events, e):
-    """Returns the number of balls of event e."""
-    return 2 if events[e, KIND] == BALL_BALL else 1
-
-
-@inlined
-def begin_time(segment):
-    """Returns the `Time` at which a piece of a trajectory begins."""
-    return Time(segment[SEGMENT_ROW + T0], segment[SEGMENT_ROW + T0_LO])
 
 
 @inlined

@@ -8,7 +8,27 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from billiards_env.engine.log import SEGMENT_BALL, SEGMENT_PHASE, SEGMENT_ROW
-from billiards_env.physics.state import AIRBORNE, AX, AY, LASTS, POTTED, ROLLING, T0, T0_LO, VX, VY, VZ, X, Y, Z
+from billiards_env.physics.laws.cloth import SLIP_RATE
+from billiards_env.physics.state import (
+    AIRBORNE,
+    AX,
+    AY,
+    LASTS,
+    POTTED,
+    ROLLING,
+    SLIDING,
+    T0,
+    T0_LO,
+    UX,
+    UY,
+    VX,
+    VY,
+    VZ,
+    WZ,
+    X,
+    Y,
+    Z,
+)
 from billiards_env.support.checks import numbers
 
 Floats = NDArray[np.float64]
@@ -113,6 +133,18 @@ class Trajectory(NamedTuple):
         since, rows = self._since(pieces, times), self.rows[pieces]
         moves = self.moving[pieces] & (since < rows[:, LASTS])
         return np.where(moves[:, None], rows[:, [VX, VY]] + since[:, None] * rows[:, [AX, AY]], 0.0)
+
+    def spins(self, ball: int, times: Floats, radius: float, spin_decay: float) -> Floats:
+        """Returns the spins of a ball, (m, 3) rad/s, as `velocities`; `spin_decay` is that of the scene, rad/s^2."""
+        pieces = self._pieces(ball, times)
+        since, rows, phase = self._since(pieces, times), self.rows[pieces], self.phase[pieces]
+        rates = np.where(phase == SLIDING, SLIP_RATE * since, 0.0)[:, None]
+        has_slip = ((phase == SLIDING) | (phase == AIRBORNE))[:, None]
+        slips = np.where(has_slip, rows[:, [UX, UY]] + rates * rows[:, [AX, AY]], 0.0)
+        roll = (self.velocities_on(pieces, times) - slips) / radius
+        upright = np.maximum(abs(rows[:, WZ]) - np.where(phase == AIRBORNE, 0.0, spin_decay) * since, 0.0)
+        spins = np.column_stack((-roll[:, 1], roll[:, 0], np.copysign(upright, rows[:, WZ])))
+        return np.where((since < rows[:, LASTS])[:, None], spins, 0.0)
 
     def _pieces(self, ball: int, times: Floats, before: bool = False) -> NDArray[np.intp]:
         mine = np.flatnonzero(self.ball == ball)

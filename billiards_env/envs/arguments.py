@@ -23,7 +23,7 @@ from billiards_env.games.game_state import MOST_PLAYERS
 from billiards_env.games.referee import GAMES
 from billiards_env.jit import streams
 from billiards_env.scene import Balls, Scene, check_ends_on_cloth, check_positions, check_ranges, layouts
-from billiards_env.shots.noise import EXECUTION_NOISE, SCATTER, check_scatter
+from billiards_env.shots.noise import EXECUTION_NOISE, SCATTER, check_scatter, deviations
 from billiards_env.support.checks import (
     Range,
     array_of,
@@ -386,12 +386,7 @@ def check_noise(
     """
     if noise is None:
         return None
-    if not isinstance(noise, Mapping):
-        raise TypeError(f"noise = {short(noise)}: expected a mapping from {', '.join(EXECUTION_NOISE)} to numbers")
-    for key in noise:
-        one_of("key of noise", key, tuple(EXECUTION_NOISE))
-    stds = {name: real(name, value, name) for name, value in {**EXECUTION_NOISE, **noise}.items()}
-    scales = np.empty(5)
+    stds, scales = deviations("noise", noise, EXECUTION_NOISE), np.empty(5)
     scales[TURN], scales[SPEED] = stds["angle_std"] / 180.0, stds["speed_std"] / max_speed
     scales[[SIDE, TOP]] = stds["offset_std"] / (scene.cue.miscue_offset * scene.balls.radius[0])
     scales[ELEVATION] = stds["elevation_std"] / 90.0
@@ -510,30 +505,30 @@ def check_options(
             text = short(options[key])
             raise ValueError(f"options['physics'] = {text} without randomize: expected the argument randomize")
         one_of("key of options", key, known)
-    many = () if mask is None else (len(mask),)
+    many, mask = ((), np.ones(1, np.bool_)) if mask is None else (mask.shape, mask)
     positions = goals = seeds = states = None
+    if "positions" in options:
+        positions = _for_each("options['positions']", options["positions"], many, (scene.n_balls, 2))
+        if model.setup is None:
+            in_play = np.broadcast_to(mask[:, None], (len(mask), scene.n_balls)).reshape(*many, -1)
+            check_positions(scene, positions, "options['positions']", in_play)
+        positions = positions.reshape(-1, scene.n_balls, 2)
     if model.setup is not None and ("positions" in options or "state" in options):
-        positions, states = _custom_openings(model, options, mask)
-    elif "positions" in options:
-        name, shape = "options['positions']", (scene.n_balls, 2)
-        in_play = None if mask is None else np.broadcast_to(mask[:, None], (*many, scene.n_balls))
-        positions = check_positions(scene, _for_each(name, options["positions"], many, shape), name, in_play)
-        positions = positions.reshape(-1, *shape)
+        states = _custom_states(model.setup, positions, options.get("state"), mask)
     if "goal" in options:
         goals = _for_each("options['goal']", options["goal"], many, (2,)).reshape(*many, 1, 2)
-        in_play = None if mask is None else mask[:, None]
-        goals = check_positions(cue_ball_alone(scene), goals, "options['goal'] as a position of the cue ball", in_play)
-        goals = goals.reshape(-1, 1, 2)
+        name = "options['goal'] as a position of the cue ball"
+        goals = check_positions(cue_ball_alone(scene), goals, name, mask.reshape(*many, 1)).reshape(-1, 1, 2)
     if "episode_seed" in options:
         name = "options['episode_seed']"
         array = array_of(name, options["episode_seed"])
         if array.dtype != np.int64 or array.shape != (*many, 8):
             raise ValueError(f"{name} = {short(array)}: expected int64 of shape {(*many, 8)}, as in info")
         seeds = array.view(np.uint64).reshape(-1, 8)
-        read = seeds[... if mask is None else mask].reshape(-1, 2, 4)[:, : 1 + model.is_noisy]
+        read = seeds[mask].reshape(-1, 2, 4)[:, : 1 + model.is_noisy]
         if not streams.are_seeded(read).all():
             raise ValueError(f"{name} = {short(array)}: expected an info['episode_seed'] of this task")
-    physics = _checked_physics(model.randomize, options.get("physics", {}), mask)
+    physics = _checked_physics(model.randomize, options.get("physics", {}), many, mask)
     return ResetOptions(positions, goals, physics, seeds, states)
 
 
@@ -543,27 +538,22 @@ def _for_each(name: str, value: Any, many: tuple[int, ...], shape: tuple[int, ..
     return shaped(name, np.broadcast_to(array, (*many, *shape)) if array.shape == shape else array, (*many, *shape))
 
 
-def _custom_openings(
-    model: Model, options: Mapping[str, Any], mask: NDArray[np.bool_] | None
-) -> tuple[NDArray[np.float64], NDArray[Any]]:
-    """Returns the positions (m, n, 2) and states (m,) of games in the options of a reset, after a check."""
+def _custom_states(
+    setup: Setup, positions: NDArray[np.float64] | None, state: Any, mask: NDArray[np.bool_]
+) -> NDArray[Any]:
+    """Returns the states (m,) of games that begin at positions (m, n, 2), after a check of both."""
     from billiards_env.games.playing import custom_opening
 
-    if "positions" not in options:
+    if positions is None:
         raise ValueError("options['state'] without options['positions']: expected both")
-    assert model.setup is not None
-    m = 1 if mask is None else len(mask)
-    many, shape = () if mask is None else mask.shape, (model.scene.n_balls, 2)
-    positions = _for_each("options['positions']", options["positions"], many, shape).reshape(m, *shape)
-    states = np.zeros(m, model.setup.game_rules.state_type)
-    for k in range(m):
-        if mask is None or mask[k]:
-            states[k] = custom_opening(model.setup, positions[k], options.get("state")).state
-    return positions, states
+    states = np.zeros(len(mask), setup.game_rules.state_type)
+    for k in np.flatnonzero(mask).tolist():
+        states[k] = custom_opening(setup, positions[k], state).state
+    return states
 
 
 def _checked_physics(
-    ranges: Mapping[str, tuple[float, float]], numbers: Any, mask: NDArray[np.bool_] | None
+    ranges: Mapping[str, tuple[float, float]], numbers: Any, many: tuple[int, ...], mask: NDArray[np.bool_]
 ) -> dict[str, NDArray[np.float64]]:
     """Returns the physics in the options of a reset, after a check."""
     if not isinstance(numbers, Mapping):
@@ -572,9 +562,8 @@ def _checked_physics(
     for key, values in numbers.items():
         one_of("key of options['physics']", key, tuple(ranges))
         name, (low, high) = f"options['physics'][{key!r}]", ranges[key]
-        array = _for_each(name, values, () if mask is None else mask.shape, ())
-        checked[key] = np.atleast_1d(array)
-        bad = array[(True if mask is None else mask) & ~((low <= array) & (array <= high))]
+        checked[key] = array = np.atleast_1d(_for_each(name, values, many, ()))
+        bad = array[mask & ~((low <= array) & (array <= high))]
         if bad.size:
             raise ValueError(f"{name} = {bad.flat[0]}: expected a number from {low:g} to {high:g}, as in randomize")
     return checked

@@ -94,9 +94,7 @@ class Source(NamedTuple):
     @property
     def touching(self) -> NDArray[np.float64]:
         """(n, n) the horizontal distances of the centres of balls that touch, m."""
-        radius = np.array(self.scene.balls.radius)
-        spheres = self.scene.balls.shape == "sphere"
-        return 2.0 * np.sqrt(np.outer(radius, radius)) if spheres else np.add.outer(radius, radius)
+        return self.scene.balls.contact_distances(np.arange(self.scene.n_balls)[:, None])
 
     @property
     def sizes(self) -> dict[str, int]:

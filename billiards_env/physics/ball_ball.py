@@ -15,7 +15,6 @@ from billiards_env.physics.laws.balls import (
     normal_impulse,
     push_ball,
     rub,
-    tilt_between,
     up_after,
 )
 from billiards_env.physics.state import ball_of, set_motion
@@ -57,28 +56,6 @@ def push_apart(laws, tilt, a, b, pair, p, numbers):
         push_ball(a, -p * mi * nx, -p * mi * ny, numbers.motion),
         push_ball(b, p * mj * nx, p * mj * ny, numbers.motion),
     )
-
-
-@inlined
-def meet(laws, are_spheres, a, b, bodies, numbers):
-    """Returns the states of two balls after their impact.
-
-    Args:
-        laws: `SceneArrays.laws`.
-        are_spheres: Whether the balls are spheres.
-        a: The `BallState` of the first ball.
-        b: That of the second ball.
-        bodies: The radii and the inverse masses of both, (m, m, 1/kg, 1/kg).
-        numbers: The `Numbers`.
-    """
-    radius_i, radius_j, inv_mass_i, inv_mass_j = bodies
-    dx, dy = b.x - a.x, b.y - a.y
-    distance = norm(dx, dy)
-    nx, ny = dx / distance, dy / distance
-    closing = -(nx * (b.vx - a.vx) + ny * (b.vy - a.vy))
-    p = normal_impulse(closing, inv_mass_i, inv_mass_j, laws.restitution(numbers, closing))
-    pair = Pair(nx, ny, radius_i, radius_j, inv_mass_i, inv_mass_j)
-    return push_apart(laws, tilt_between(are_spheres, radius_i, radius_j), a, b, pair, p, numbers)
 
 
 @kernel

@@ -8,7 +8,7 @@ from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
 from billiards_env.physics.geometry.contact import IMPULSE_ROUNDING
 from billiards_env.physics.laws.cushion import CushionMotion, cushion_restitution
-from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, WZ, BallState
+from billiards_env.physics.state import SLIDING_AND_ROLLING, UX, UY, VX, VY, WZ
 
 _TURNS = 4
 """Largest number of impacts on each of two cushions in `reflect_both`. The engine resolves an approach that remains."""
@@ -79,17 +79,6 @@ def hit_by(motion, n, share, rebound, radius, laws, numbers, solution):
         un += after - vn
     motion = (nx * after - ny * vt, ny * after + nx * vt, nx * un - ny * ut, ny * un + nx * ut, rwz)
     return motion, raised and rebound > 0.0
-
-
-@inlined
-def bounce(ball, n, radius, laws, numbers, solution):
-    """Returns a `BallState` after an impact on a cushion; the arguments are those of `hit_by`."""
-    share = max(n[0] * ball.vx + n[1] * ball.vy, 0.0)
-    motion = (ball.vx, ball.vy, ball.ux, ball.uy, radius * ball.wz)
-    (vx, vy, ux, uy, rwz), _ = hit_by(motion, n, share, 0.0, radius, laws, numbers, solution)
-    if numbers.motion == SLIDING_AND_ROLLING:
-        return BallState(x=ball.x, y=ball.y, vx=vx, vy=vy, ux=ux, uy=uy, wz=rwz / radius)
-    return BallState(x=ball.x, y=ball.y, vx=vx, vy=vy, ux=ball.ux, uy=ball.uy, wz=ball.wz)
 
 
 @kernel

@@ -137,9 +137,6 @@ Numbers: Any = namedtuple("Numbers", (*_NUMBERS, *EngineNumbers._fields))
 """The numbers of a scene and an engine: `LAW_NUMBERS` and `FLIGHT_NUMBERS`, which `scene.law_numbers` computes, and
 `EngineNumbers`."""
 
-LawNumbers: Any = namedtuple("LawNumbers", (*LAW_NUMBERS, "motion", "cushion_rubs"))
-"""What the laws read of `Numbers`; also a change of it."""
-
 
 class SceneKernels(NamedTuple):
     """The kernels of a scene: the first argument of the entry points. Numba compiles only these kernels.
@@ -257,39 +254,3 @@ def own_time(state, i):
 def moves(state, i):
     """Returns whether ball i's centre moves."""
     return state.phase[i] >= ROLLING and state.phase[i] != POTTED
-
-
-@inlined
-def law_numbers_of(numbers):
-    """Returns the `LawNumbers` of `Numbers` or of their record."""
-    return LawNumbers(
-        slide=numbers.slide,
-        roll=numbers.roll,
-        roll_gain=numbers.roll_gain,
-        spin_decay=numbers.spin_decay,
-        mu_limit=numbers.mu_limit,
-        mu_drop=numbers.mu_drop,
-        mu_rate=numbers.mu_rate,
-        e_ball=numbers.e_ball,
-        mu_cloth=numbers.mu_cloth,
-        cushion_height=numbers.cushion_height,
-        e_cushion=numbers.e_cushion,
-        mu_cushion=numbers.mu_cushion,
-        cushion_frequency_ratio=numbers.cushion_frequency_ratio,
-        e_cushion_loss=numbers.e_cushion_loss,
-        e_cushion_onset=numbers.e_cushion_onset,
-        e_cushion_floor=numbers.e_cushion_floor,
-        e_cushion_topspin=numbers.e_cushion_topspin,
-        e_cushion_tangent=numbers.e_cushion_tangent,
-        e_cushion_slip=numbers.e_cushion_slip,
-        motion=numbers.motion,
-        cushion_rubs=numbers.cushion_rubs,
-    )
-
-
-@inlined
-def law_changes(d):
-    """Returns the change of `LawNumbers` that an array with the changes of `LAW_NUMBERS` contains."""
-    cloth, balls = (d[0], d[1], d[2], d[3]), (d[4], d[5], d[6], d[7])
-    cushion = d[8], d[9], d[10], d[11], d[12], d[13], d[14], d[15], d[16], d[17], d[18]
-    return LawNumbers(*cloth, *balls, *cushion, 0.0, 0.0)

@@ -26,10 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from billiards_env import strike
+from billiards_env.drawing.orientation import VISIBLE
 from billiards_env.drawing.recording import recording_of
 from billiards_env.drawing.style import ARROW, ARROW_START
 from billiards_env.engine import PIC, Engine
-from billiards_env.engine.orientation import VISIBLE
 from billiards_env.engine.strikes import level_strike
 from billiards_env.games import NO_CALL, Call, GameState, History, PlayedShot, Setup, Stroke, play
 from billiards_env.games.game_state import NO_SHOT, is_in, members, on_table

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm, sine_cosine
-from billiards_env.physics.geometry.contact import cross
-from billiards_env.physics.geometry.pockets import centre_of, distance_along
+from billiards_env.physics.geometry.pockets import centre_of
 from billiards_env.physics.geometry.walls import NX, NY
 from billiards_env.physics.motion import motion_after
 from billiards_env.physics.state import REST, T0, X, Y
@@ -24,6 +23,7 @@ from billiards_env.pots.hits import (
     room_of,
 )
 from billiards_env.pots.paths import LEGS, begin_leg, end_leg, pocket_gap
+from billiards_env.pots.rims import cross, distance_along
 
 _STEPS = 6  # of the secant method
 _MISS = 2e-3  # m: the largest accepted distance of the path from the target

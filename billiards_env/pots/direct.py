@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.contact import cross, half_chord
-from billiards_env.physics.geometry.pockets import centre_of, circle_tangent, distance_along, half_width_of, rim_ends
+from billiards_env.physics.geometry.pockets import centre_of
 from billiards_env.physics.geometry.walls import TIP_RADIUS, TIP_X, TIP_Y
 from billiards_env.physics.state import X, Y
 from billiards_env.pots.hits import Hit, approach_gap, ball_gap, can_hit, enters_pocket, hit_along, hit_at, room_of
 from billiards_env.pots.paths import pocket_gap
+from billiards_env.pots.rims import circle_tangent, cross, distance_along, half_chord, half_width_of, rim_ends
 
 THINNEST = 0.05
 """The cosine of the thinnest cut."""

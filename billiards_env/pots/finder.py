@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from billiards_env.engine import scene_fields, scene_kernels
 from billiards_env.jit import allocating, entry_point, inlined, kernel
-from billiards_env.physics.geometry.contact import cross
 from billiards_env.physics.laws.cloth import launch
 from billiards_env.physics.state import X, Y, empty_state, scene_of
 from billiards_env.pots.banks import bank_pot
@@ -22,6 +21,7 @@ from billiards_env.pots.direct import direct_pot
 from billiards_env.pots.hits import TableArrays, against_throw, cut_cosine, gain, hit_at, meet_before, play_hit
 from billiards_env.pots.paths import FAR as FAR
 from billiards_env.pots.paths import follow_path
+from billiards_env.pots.rims import cross
 from billiards_env.shots.tables import Tables
 
 Floats = NDArray[np.float64]

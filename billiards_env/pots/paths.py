@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.ball_cushion import reflect, reflect_both
-from billiards_env.physics.geometry.pockets import bounding_circle, segment_gap
+from billiards_env.physics.geometry.pockets import bounding_circle
 from billiards_env.physics.motion import advance, begin_phase, end_phase, motion_after, path_of
 from billiards_env.physics.state import AX, AY, LASTS, REST, SLIDING, VX, VY, X, Y, later, moves, own_time
+from billiards_env.pots.rims import segment_gap
 
 FAR = 0.2
 """m. Gaps are at most this: larger ones are not measured."""

@@ -33,9 +33,9 @@ from billiards_env.sb3.aim_network import Mixture
 from billiards_env.sb3.aim_policy import AimPolicy, arguments_of
 from billiards_env.sb3.weights import check_finished, load_policy
 from billiards_env.scene import Scene
+from billiards_env.settings import read_settings
 from billiards_env.shots.tables import Tables
 from billiards_env.support.checks import Range, integer
-from billiards_env.support.settings import read_settings
 
 MOST_PROPOSALS = 100_000
 

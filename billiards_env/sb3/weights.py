@@ -19,9 +19,9 @@ from billiards_env.bench.frozen import FROZEN
 from billiards_env.envs import BilliardsEnv
 from billiards_env.sb3.aim_network import OBSERVED
 from billiards_env.sb3.aim_policy import AimPolicy, find_game
+from billiards_env.settings import read_settings
 from billiards_env.support.checks import Range, integer, one_of, sequence, short, short_name
 from billiards_env.support.files import MAX_ARCHIVE, read_bytes, unzipped, write_atomically
-from billiards_env.support.settings import read_settings
 
 AIM_ARGUMENTS = tuple(inspect.signature(AimPolicy).parameters)[4:-1]
 """The arguments of `AimPolicy` in the section `policy.arguments` of a configuration: those after `env`."""

@@ -27,8 +27,16 @@ def check_scatter(scatter: Mapping[str, Any] | None) -> NDArray[np.float64] | No
     """
     if scatter is None:
         return None
-    if not isinstance(scatter, Mapping):
-        raise TypeError(f"scatter = {short(scatter)}: expected a mapping from {', '.join(SCATTER)} to numbers")
-    for key in scatter:
-        one_of("key of scatter", key, tuple(SCATTER))
-    return np.array([real(name, value, "scatter_std") for name, value in {**SCATTER, **scatter}.items()])
+    return np.array([*deviations("scatter", scatter, SCATTER, "scatter_std").values()])
+
+
+def deviations(what: str, given: Any, usual: Mapping[str, float], within: str = "") -> dict[str, float]:
+    """Returns the usual standard deviations with those that are given, by name, after a check.
+
+    `within` is a name in `RANGES`; without it, each name is one.
+    """
+    if not isinstance(given, Mapping):
+        raise TypeError(f"{what} = {short(given)}: expected a mapping from {', '.join(usual)} to numbers")
+    for key in given:
+        one_of(f"key of {what}", key, tuple(usual))
+    return {name: real(name, value, within or name) for name, value in {**usual, **given}.items()}

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from billiards_env.doors import load
 from billiards_env.engine.compile import Engine
 from billiards_env.engine.log import ShotLog, named_events
-from billiards_env.engine.orientation import turning
 from billiards_env.engine.shot_input import ShotInput
 from billiards_env.engine.shots import STATUS
 from billiards_env.engine.trajectory import Trajectory
@@ -173,7 +172,9 @@ class ShotResult:
         """
         scene, paths, _ = self._recorded("motion_at")
         velocities = self._of_balls(t, paths.velocities)
-        spins = self._of_balls(t, turning(scene, paths, self.time).spins) * (scene.physics.motion == "sliding")
+        radius, decay = scene.balls.radius, scene.physics.spin_decay
+        spins = self._of_balls(t, lambda ball, times: paths.spins(ball, times, radius[ball], decay))
+        spins *= scene.physics.motion == "sliding"
         ended = np.asarray(t) >= self.time
         velocities[ended], spins[ended] = self.velocities, self.spins
         if self.heights is not None:

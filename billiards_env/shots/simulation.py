@@ -181,12 +181,16 @@ def run_shot(
         if not record or (log.used[:2] <= (len(log.events), len(log.segments))).all():
             break
         room = max(4 * room, int(max(log.used[:2])))  # the log was too small: the shot runs again
-    row = {
-        name: array if array is None else array.item() if array.ndim == 1 and name != "measures" else array[0]
-        for name, array in zip(Shots._fields, shots, strict=True)
-    }
     recorded = read_log(ShotLog.of(log), scene, (shot, engine, max_events)) if record else {}
-    return ShotResult(**outcome_of(row), **recorded)
+    return ShotResult(**outcome_of(_only_row(shots._asdict())), **recorded)
+
+
+def _only_row(outcome: dict[str, Any]) -> dict[str, Any]:
+    """Returns the only row of each array, as a number if it is one."""
+    return {
+        name: array if array is None else array.item() if array.ndim == 1 and name != "measures" else array[0]
+        for name, array in outcome.items()
+    }
 
 
 def replay(record: ShotRecord, *, check: bool = True, record_events: bool = False) -> ShotResult:
@@ -285,14 +289,8 @@ class BatchResult:
         if self.log is None:
             names = () if self.measures is None else self.measures.dtype.names or ()
             return run_shot(scene, start, engine, True, max_events, names)
-        outcome: dict[str, Any] = {name: getattr(self, name) for name in _OUTCOME}
-        is_scalar = {
-            name: array is not None and array.ndim == 1 and name != "measures" for name, array in outcome.items()
-        }
-        row = {
-            name: array if array is None else array[k : k + 1].item() if is_scalar[name] else array[k].copy()
-            for name, array in outcome.items()
-        }
+        arrays = {name: getattr(self, name) for name in _OUTCOME}
+        row = _only_row({name: None if array is None else array[k : k + 1].copy() for name, array in arrays.items()})
         return ShotResult(**row, **read_log(self.log.shots(k, k + 1), scene, (start, engine, max_events)))
 
     def __repr__(self) -> str:

@@ -8,11 +8,12 @@ import pytest
 
 from benchmarks.reference.oracle import mathavan as reference
 from billiards_env.derivatives.lanes import Wall, cushion_is_smooth, cushion_solution, lane_kernels
+from billiards_env.derivatives.state_laws import LawNumbers, law_numbers_of
 from billiards_env.derivatives.tangent import tangent_of
 from billiards_env.engine.compile import scene_arrays, scene_kernels
 from billiards_env.physics.laws.cushion import CushionMotion, cushion_restitution
 from billiards_env.physics.laws.mathavan import CushionNose, follow_impact
-from billiards_env.physics.state import BallState, LawNumbers, law_numbers_of
+from billiards_env.physics.state import BallState
 from billiards_env.scene import Scene
 
 RADIUS = 0.0286

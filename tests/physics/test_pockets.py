@@ -37,31 +37,12 @@ def test_compiled_functions_agree_with_the_methods_of_a_pocket(k):
     assert [kernels.pocket_at(ROWS[k : k + 1], x, y, 1.0) == 0 for x, y in points] == inside.tolist()
     assert pocket.contains(points, 0.01).tolist() == (pocket.distance(points) < -0.01).tolist()
     assert kernels.centre_of(row) == (pocket.x, pocket.y)
-    assert kernels.half_width_of(row) == pocket.half_width
     assert kernels.bounding_circle(row) == pocket.circle
     rim = pocket.rim()
     np.testing.assert_allclose(pocket.distance(rim), 0.0, atol=1e-15)
     for x, y in rim:
         nx, ny = kernels.outwards_at(row, x, y)
         assert kernels.distance_from(row, x + 0.01 * nx, y + 0.01 * ny) > 0.0
-
-
-def test_the_gap_of_a_segment_is_its_least_distance_from_the_rim():
-    pocket, row = POCKETS[0], ROWS[0]
-    for a, b in points_near(pocket).reshape(-1, 2, 2):
-        path = a + np.linspace(0, 1, 2001)[:, None] * (b - a)
-        assert kernels.segment_gap(row, *a, *b) == pytest.approx(pocket.distance(path).min(), abs=1e-4)
-
-
-def test_the_ends_of_a_rim_are_tangents():
-    pocket, row = POCKETS[0], ROWS[0]
-    right_x, right_y, left_x, left_y = kernels.rim_ends(row, 0.0, 0.0, 1.0, 1.0, 0.0)
-    for end in ((right_x, right_y), (left_x, left_y)):
-        assert pocket.distance(end) == pytest.approx(0.0, abs=1e-15)
-        assert np.dot(end, np.subtract(end, (pocket.x, pocket.y))) == pytest.approx(0.0, abs=1e-15)
-    assert right_x * left_y - right_y * left_x > 0.0
-    assert kernels.rim_ends(row, pocket.x, pocket.y, 1.0, 1.0, 0.0) == (0.0, 0.0, 0.0, 0.0)
-    assert kernels.distance_along(row, pocket.x - 1.0, pocket.y, 1.0, 0.0) == pytest.approx(1.0 - 0.06)
 
 
 def test_the_pockets_near_a_path_are_those_that_it_may_reach():

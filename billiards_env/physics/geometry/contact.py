@@ -27,19 +27,6 @@ of either sign."""
 
 
 @inlined
-def cross(ax, ay, bx, by):
-    """Returns the cross product of two vectors."""
-    return ax * by - ay * bx
-
-
-@inlined
-def half_chord(radius, distance):
-    """Returns half the length of the chord of a circle at a distance from its centre, or -1 if there is none."""
-    square = radius * radius - distance * distance
-    return math.sqrt(square) if square >= 0.0 else -1.0
-
-
-@inlined
 def distance_to_segment(ax, ay, bx, by, x, y):
     """Returns the distance of the point (x, y) from the segment from (ax, ay) to (bx, by), m."""
     sx, sy, to_x, to_y = bx - ax, by - ay, x - ax, y - ay

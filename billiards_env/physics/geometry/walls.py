@@ -117,20 +117,6 @@ class Circle(NamedTuple):
     reach: Any
 
 
-class Side(NamedTuple):
-    """A straight cushion.
-
-    Attributes:
-        nx: Unit normal into the cushion along x.
-        ny: The same along y.
-        room: Largest coordinate of the ball along the normal, m.
-    """
-
-    nx: Any
-    ny: Any
-    room: Any
-
-
 @inlined
 def stays_within(x, v, a, end, room):
     """Returns whether x + v t + a t^2 / 2 stays within +-room for t in [0, end], by its Bezier control points.
@@ -184,18 +170,6 @@ def tip_circle(path, tip, radius):
 
 
 @inlined
-def is_on_arc(tip, x, y):
-    """Returns whether the arc of a tip is the part of its circle that is nearest to (x, y), relative to its centre."""
-    return faces(tip, tip[TIP_X] + x, tip[TIP_Y] + y)
-
-
-@inlined
-def line_side(line, radius):
-    """Returns the `Side` of a row of `Outline.lines` for a ball with a radius, m."""
-    return Side(line[NX], line[NY], line[NX] * line[LINE_X] + line[NY] * line[LINE_Y] - radius)
-
-
-@inlined
 def is_beside(line, x, y):
     """Returns whether the point of a straight cushion that is nearest to a ball lies between its ends."""
     return abs(line[TX] * (x - line[LINE_X]) + line[TY] * (y - line[LINE_Y])) <= line[HALF_LINE] + JOINT
@@ -211,18 +185,6 @@ def centres_at(wall, radius, outline):
     if k < 0:
         return 0.0, 0.0, math.inf
     return outline.tips[k, TIP_X], outline.tips[k, TIP_Y], outline.tips[k, TIP_RADIUS] + radius
-
-
-@inlined
-def is_at_joint(wall, x, y, gap, outline):
-    """Returns whether a ball at (x, y) touches a cushion where its curvature changes, up to a gap, m."""
-    near = 2.0 * JOINT + gap
-    if wall < len(outline.lines):
-        line = outline.lines[wall]
-        return abs(abs(line[TX] * (x - line[LINE_X]) + line[TY] * (y - line[LINE_Y])) - line[HALF_LINE]) <= near
-    tip = outline.tips[wall - len(outline.lines)]
-    dx, dy = x - tip[TIP_X], y - tip[TIP_Y]
-    return abs(dx * tip[BEGIN_TX] + dy * tip[BEGIN_TY]) <= near or abs(dx * tip[END_TX] + dy * tip[END_TY]) <= near
 
 
 @inlined

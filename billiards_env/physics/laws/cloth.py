@@ -29,7 +29,6 @@ from billiards_env.physics.state import (
     SLIDING,
     SLIDING_AND_ROLLING,
     SPINNING,
-    BallState,
 )
 
 SLIP_RATE = 3.5
@@ -102,45 +101,6 @@ def spin_after(wz, t, numbers):
     if left >= 0.0:
         return left if wz >= 0.0 else 0.0 - left
     return 0.0
-
-
-@inlined
-def coast(ball, acceleration, phase, t, numbers):
-    """Returns the `BallState` t seconds after another one, within a phase with an acceleration (x, y), m/s^2."""
-    ax, ay = acceleration
-    turns = SLIP_RATE if phase == SLIDING else 0.0
-    if phase == SPINNING:  # until its end, up to rounding
-        wz = ball.wz - (numbers.spin_decay if ball.wz >= 0.0 else -numbers.spin_decay) * t
-    else:
-        wz = spin_after(ball.wz, t, numbers)
-    return BallState(
-        x=ball.x + t * (ball.vx + 0.5 * t * ax),
-        y=ball.y + t * (ball.vy + 0.5 * t * ay),
-        vx=ball.vx + t * ax,
-        vy=ball.vy + t * ay,
-        ux=ball.ux + turns * t * ax,
-        uy=ball.uy + turns * t * ay,
-        wz=wz,
-    )
-
-
-@inlined
-def coast_from(ball, phase, t, numbers):
-    """Returns the `BallState` t seconds after another one, within a phase that begins there."""
-    ax, ay, _ = drive(ball, phase, numbers)
-    return coast(ball, (ax, ay), phase, t, numbers)
-
-
-@inlined
-def slip_of(vx, vy, wx, wy, radius):
-    """Returns the slip u = v + R z x omega of a ball, m/s."""
-    return vx - radius * wy, vy + radius * wx
-
-
-@inlined
-def spin_of(vx, vy, ux, uy, radius):
-    """Returns the horizontal spin (wx, wy) of a ball with a slip, rad/s; see `slip_of`."""
-    return (uy - vy) / radius, (vx - ux) / radius
 
 
 def largest_friction(motion: int, slide: float, roll: float) -> float:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
+from billiards_env.drawing.orientation import ERROR, VISIBLE, matrices, product
 from billiards_env.drawing.recording import recording_of
-from billiards_env.engine.orientation import ERROR, VISIBLE, matrices, product
 from tests.helpers.shots import simulate
 
 
