@@ -143,7 +143,7 @@ def test_arrows_stay_in_the_frame(velocity):
         assert np.hypot(columns - ends[0], rows - ends[1]).max() > 20
 
 
-@pytest.mark.parametrize(("name", "balls"), [("pool", 15), ("carom", 2)])
+@pytest.mark.parametrize(("name", "balls"), [("pool", 15), ("snooker", 21), ("carom", 2)])
 def test_long_texts_do_not_overlap(name, balls):
     canvas, frames = Canvas(Scene.named(name, balls)), []
     for texts in (("", ""), (200 * "l", ""), ("", 200 * "l")):

@@ -1,10 +1,12 @@
 from typing import Any
 
+import numpy as np
 import pytest
 
-from billiards_env.games import GAMES
+from billiards_env.games import GAMES, Stroke
 from billiards_env.play import labels
 from billiards_env.play import model as actions
+from billiards_env.players.planner import Plan
 
 EIGHT = [[0.0, 0.0], *([-1.0 + 0.12 * i, 0.5 if i % 2 else -0.5] for i in range(15))]
 SNOOKER = [[0.0, 0.0], *([-1.5 + 0.12 * i, 0.5] for i in range(21))]
@@ -48,6 +50,13 @@ def test_the_prompt_has_the_calls_and_the_choices(make_model):
     model = actions.next_kind(make_model("nine_ball", EIGHT[:10], {"choices": ["push_out"]}, choices=True))
     assert labels.status(model) == "Player 1: push out, any ball or none"
     assert (labels.button(model), labels.choice(model)) == ("Push out", "X: shot")
+
+
+def test_the_best_considered_shot_is_named(make_model):
+    plan = Plan(Stroke((2.0, 0.0)), 0.31, 0.62, 1, 2, np.zeros((3, 2)), 40)
+    model = actions.consider(make_model(players=("program", "human")), [plan])
+    best = "best: ball 1 into the lower right pocket, 62%, value +0.31 in 40 strokes with noise"
+    assert (labels.key_hint(model), labels.value(plan)) == (best, "62%  +0.31")
 
 
 def test_cushions_are_counted(make_model):

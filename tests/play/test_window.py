@@ -232,13 +232,19 @@ def test_the_aim_is_drawn(change, make_model):
     assert (pixels(view.draw(model)) != pixels(view.draw(change(model)))).any()
 
 
-def test_the_considered_shots_and_the_ghost_are_drawn(make_model):
+def test_the_considered_shots_are_drawn(make_model):
     thinking = make_model(players=("program", "human"))
     view = View(thinking.setup.scene, 320)
-    one, both = act.consider(thinking, PLANS[:1]), act.consider(thinking, PLANS)
-    replay = tick(repeat(go(go(turn_aim(make_model(), 1.0)))), 3.0)
-    for first, second in ((thinking, one), (one, both), (replay, toggle(replay, "ghost"))):
-        assert (pixels(view.draw(first)) != pixels(view.draw(second))).any()
+    models = thinking, act.consider(thinking, PLANS[:1]), act.consider(thinking, PLANS)
+    assert all((one != other).any() for one, other in itertools.pairwise(pixels(view.draw(model)) for model in models))
+
+
+def test_the_ghost_is_drawn_at_its_place(make_model):
+    model = tick(repeat(go(go(turn_aim(make_model(), 1.0)))), 3.0)
+    view, (_, ghost) = View(model.setup.scene, 640), model.shown_shots
+    differ = (pixels(view.draw(model)) != pixels(view.draw(toggle(model, "ghost")))).any(axis=2)
+    x, y = at(view, ghost.at(3.0)[1])  # pyright: ignore[reportOptionalMemberAccess]
+    assert differ[y - 12 : y + 13, x - 12 : x + 13].any()
 
 
 def test_a_stroke_that_noise_makes_faster_than_the_fastest_shot_is_shown(make_model):
@@ -302,6 +308,9 @@ def test_quitting_asks_if_the_game_is_not_saved(events, is_open, asks, saves, sh
         assert shown.message == f"saved to {tmp_path / 'game.json'}"
         record: Any = records.load(tmp_path / "game.json")
         assert (record.strokes, len(record.strokes)) == (shown.model.strokes, 1)
+    shown.open, shown.ask = True, False
+    shown.quit()
+    assert not shown.open
 
 
 def test_nothing_is_drawn_while_nothing_changes(shown, monkeypatch):
