@@ -15,7 +15,7 @@ from billiards_env.physics.state import UX, UY, VX, VY, X, Y, empty_state
 from billiards_env.pots.paths import follow_path
 from billiards_env.scene import Balls, Physics, Table
 from tests.helpers.outlines import table, with_corners
-from tests.helpers.shots import SLIDING, instants, kinds, kinetic_energy, simulate
+from tests.helpers.shots import FREE, SLIDING, instants, kinds, kinetic_energy, simulate
 
 R = 0.028575
 SQUARE = Table(4.5, 4.5)
@@ -63,6 +63,15 @@ def test_a_ball_stays_on_the_axis_of_symmetry_of_a_table(law, a_table, axis):
         assert first["speed"] == pytest.approx(second["speed"], rel=1e-12)
         x, y = shot.positions[0]
         assert x == y if a_table is SQUARE else axis[0] * y == pytest.approx(axis[1] * x, abs=1e-12)
+
+
+@pytest.mark.parametrize("e", [1.0, 0.5, 0.0])
+@axes
+def test_without_friction_a_corner_of_any_angle_reverses_the_velocity(a_table, axis, e):
+    scene = Scene(Balls.uniform(1, R), a_table, Physics(**{**FREE, "e_cushion": e}))
+    shot = simulate(scene, 0.1 * np.array([axis]), axis, max_time=3.2, max_events=2, record=True)
+    assert [k for k, _, _ in kinds(shot)] == ["cushion", "cushion"]
+    assert shot.velocities[0] == pytest.approx(-e * np.array(axis), abs=1e-15)
 
 
 @pytest.mark.parametrize("law", ["han2005", "stronge", "mathavan2010"])

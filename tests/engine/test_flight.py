@@ -19,9 +19,10 @@ from billiards_env.games import records
 from billiards_env.games.facts import cue_off, facts_of
 from billiards_env.games.playing import History
 from billiards_env.games.playing import play as play_stroke
-from billiards_env.physics.state import AIRBORNE, UX, VX, VZ
+from billiards_env.physics.state import AIRBORNE, SLIDING, UX, UY, VX, VY, VZ, WZ, Z
 from billiards_env.physics.strike import cue_numbers, speed_gain
 from billiards_env.scene import Balls, Physics, Pocket, Table
+from billiards_env.scene.outline import pieces as pieces_of
 from billiards_env.shots.records import from_json, to_json
 from billiards_env.shots.simulation import replay
 from tests.helpers.shots import run_both
@@ -111,6 +112,27 @@ def test_a_smooth_elastic_ball_hops_without_end():
         scene(e_slate=1.0)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_flights_and_landings_keep_what_a_force_below_the_centre_keeps(seed):
+    rng = np.random.default_rng(seed)
+    velocity, spin = rng.normal(0, [1.0, 0.3, 2.0]), rng.normal(0, 60, 3)
+    shot = play([0, 0, rng.uniform(0, 0.2)], velocity, spin, scene=scene(least_hop=1e-5))
+    rows = pieces(shot, phases=(AIRBORNE, SLIDING))
+    assert len(rows) > 3
+    kept = rows[:, [VX, VY]] - 2 / 7 * rows[:, [UX, UY]]  # 5/7 v - 2/7 R z x omega
+    assert kept == pytest.approx(np.tile(kept[0], (len(rows), 1)), abs=1e-13)
+    assert np.unique(pieces(shot)[:, WZ]).size == 1
+    turns = np.sum((rows[:, [UX, UY]] - rows[:, [VX, VY]]) ** 2, axis=1) + (R * rows[:, WZ]) ** 2
+    energy = np.sum(rows[:, [VX, VY, VZ]] ** 2, axis=1) / 2 + turns / 5 + G * rows[:, Z]
+    assert (np.diff(energy) < 1e-14).all()
+
+
+def test_a_ball_that_rolls_hops_without_friction():
+    shot = play([-8, 0], [2.0, 0.0, 1.0], (0.0, 2.0 / R, 0.0))
+    assert (pieces(shot)[:, VX] == 2.0).all()
+    assert "sliding_rolling" not in kinds(shot)
+
+
 def test_the_end_of_the_hops_has_the_friction_of_all_hops():
     shots = [play([-8, 0], [3.0, 0.0, 1.0], scene=scene(least_hop=least)) for least in (1e-4, 1e-12)]
     early, late = (shot.at(0.45)[0, 0] for shot in shots)  # both slide
@@ -195,14 +217,64 @@ def test_shots_at_balls_exactly_above_one_another_end_by_physics():
     assert (np.hypot(*(batch.positions[:, 0] - [0.3, 0.2]).T) > 0.1).all()
 
 
-def test_a_ball_that_flies_over_a_cushion_is_off_the_table():
+@pytest.mark.parametrize(("speed", "expected"), [(2.6, True), (1.6, False)])
+def test_a_jump_shot_passes_over_a_ball_or_hits_it(speed, expected):
+    struck = strike(scene(), speed, 0.0, elevation=math.radians(45))
+    assert struck.velocity[2] == pytest.approx(-struck.velocity[0], rel=1e-12)
+    shot = play([-8, 0], struck, None, [[-7.8, 0.0], FAR[1]])
+    assert (shot.first_hit < 0) == expected
+    if expected:
+        assert shot.positions[0, 0] > -7.0
+
+
+def test_a_hop_at_31_degrees_meets_a_ball_0_40_m_ahead():  # pooltool, pull request 384
+    struck = strike(scene(), 2.8, 0.0, elevation=math.radians(31))
+    shot = play([-8, 0], struck, None, [[-7.6, 0.0], FAR[1]], max_time=1.0)
+    assert kinds(shot)[:2] == ["landing", "ball_ball"]
+    z = shot.heights_at(shot.first_hit_time)[0]
+    x = shot.at(shot.first_hit_time)[0, 0]
+    assert 0.01 < z < 2 * R
+    assert math.hypot(-7.6 - x, z) == pytest.approx(2 * R, abs=1e-14)
+
+
+def test_a_ball_in_the_air_meets_the_nose_of_a_cushion_or_flies_over_it():
     s = scene(length=2.0)
+    sine = s.table.cushion_height / R - 1
+    nose = np.array([1.0 - R * (1 - math.sqrt(1 - sine**2)), R * sine])
+    low = play([0.8, 0, 0.02], [2.0, 0.1, 0.3], (5.0, 9.0, 7.0), scene=s, max_time=0.2)
+    assert kinds(low)[0] == "cushion"
+    hit = low.events[0]
+    z = low.heights_at(hit["time"])[0]
+    assert math.hypot(nose[0] - hit["x"], nose[1] - z) == pytest.approx(R, abs=1e-14)
+    n = np.array([nose[0] - hit["x"], 0.0, nose[1] - z]) / R
+    before, after = pieces(low)[:2]
+    velocity = before[[VX, VY, VZ]] - [0, 0, G * hit["time"]]
+    assert after[[VX, VY, VZ]] @ n == pytest.approx(-0.85 * velocity @ n, rel=1e-12)
+    assert low.cushions[0] == 1
     high = play([0.8, 0.5, 0.05], [2.0, 0.1, 1.0], scene=s)
     assert kinds(high) == ["off_table"]
     assert high.potted.tolist() == [True, False, False]
     assert (high.pockets[0], high.pot_order[0]) == (-1, 0)
     assert high.positions[0, 0] == 1.0 + s.balls.radius[0]
     assert facts_of((cue_off,), high)["cue_off"]
+
+
+def test_a_smooth_elastic_tip_mirrors_the_velocity_of_a_ball_in_the_air():
+    pool = smooth = jaws_scene(e_cushion=1.0, mu_cushion=0.0)
+    shot = play([1.15, 0.585, 0.02], [2.0, -0.7, 0.3], (1.0, 2.0, 3.0), [[0, 0], [0.5, 0]], scene=smooth, max_time=0.1)
+    hit = shot.events[0]
+    (tip,) = (tip for tip in pieces_of(pool.table.outline)[1] if math.hypot(tip.x - hit["x"], tip.y - hit["y"]) < 0.06)
+    way = np.array([tip.x - hit["x"], tip.y - hit["y"]])
+    sine = pool.table.cushion_height / R - 1
+    across = np.hypot(*way) - tip.radius - R * (1 - math.sqrt(1 - sine**2))  # to the nose
+    up = R * sine - shot.heights_at(hit["time"])[0]
+    assert math.hypot(across, up) == pytest.approx(R, abs=1e-14)
+    n = np.array([*(across * way / np.hypot(*way)), up]) / R
+    before, after = pieces(shot)[:2]
+    velocity = before[[VX, VY, VZ]] - [0, 0, G * hit["time"]]
+    assert up < -0.01
+    assert after[[VX, VY, VZ]] == pytest.approx(velocity - 2 * (velocity @ n) * n, abs=1e-13)
+    assert after[WZ] == before[WZ]
 
 
 POCKET = Pocket(1.0, 0.0, 0.08)

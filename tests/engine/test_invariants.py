@@ -18,7 +18,7 @@ from billiards_env.engine.overlaps import FIXES
 from billiards_env.engine.shot_input import check_shot
 from billiards_env.engine.shots import AT_EVENT_LIMIT, AT_REST, Shots
 from billiards_env.physics.state import T0
-from billiards_env.scene import Balls, Physics, Table
+from billiards_env.scene import Balls, Physics, Table, layouts
 from billiards_env.shots.simulation import run_shot
 from tests.helpers.engine_runs import CELL_GRID, PLAIN, run
 from tests.helpers.impacts import cluster
@@ -26,6 +26,7 @@ from tests.helpers.outlines import MARBLES, TABLES, mirrored
 from tests.helpers.shots import (
     BALL_ARRAYS,
     DTS,
+    MOTIONS,
     OUTLINE_LAWS,
     aimed_shot,
     check_same,
@@ -35,6 +36,7 @@ from tests.helpers.shots import (
     motion_at,
     outline_shot,
     simulate,
+    world,
 )
 
 UK = Scene.named("uk_pool", 4)
@@ -218,6 +220,26 @@ def test_a_record_is_complete_and_in_order(engine, seed):
     assert shot.pots == tuple(shot.events[kind == "pocket"][["ball", "other"]].tolist())
     assert (shot.pot_order >= 0).tolist() == (shot.pockets >= 0).tolist() == shot.potted.tolist()
     assert (shot.n_contact_rule > 0) == shot.events["rule"].any() <= (engine == "pic")
+
+
+@pytest.mark.parametrize(("n", "layout"), [(3, "random"), (15, "tight_rack")])
+def test_a_shot_without_velocity_has_no_events(n, layout):
+    scene = Scene.named("pool", n)
+    places = layouts.draw(layout, scene, np.random.default_rng(0))
+    for arguments in ({}, {"max_time": 0.0}, {"max_events": 0}):
+        shot = simulate(scene, places, [0.0, 0.0], record=True, **arguments)
+        assert (shot.status, shot.n_events, shot.time, len(shot.events)) == ("rest", 0, 0.0, 0)
+        assert np.array_equal(shot.positions, places)
+
+
+@pytest.mark.parametrize("physics", MOTIONS.values(), ids=MOTIONS)
+def test_impacts_do_not_move_a_fixed_ball(physics):
+    places, velocities = [[-1.0, 0.0], [0.0, 0.01], [0.5, 0.0]], [[3.0, 0.0], [0.0, 0.0], [-3.0, 0.0]]
+    shot = simulate(world(3, physics, mass=(0.2, math.inf, 0.2)), places, velocities, record=True)
+    hits = shot.events[shot.events["kind"] == "ball_ball"][["ball", "other"]].tolist()
+    assert {(0, 1), (1, 2)} <= set(hits)
+    assert shot.positions[1].tolist() == places[1]
+    assert shot.velocities[1].tolist() == [0.0, 0.0]
 
 
 FAMILIES = ("pool, 1 object ball", "UK pool, 5 object balls", "15-ball break, tight rack", "ideal gas of 16 disks")

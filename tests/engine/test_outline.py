@@ -62,6 +62,36 @@ def test_a_rectangle_as_an_outline_is_the_plain_rectangle(physics, pit):
             assert shot.positions == pytest.approx(same.positions, abs=1e-9)
 
 
+# Tips
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.004, 0.05])
+def test_a_tip_is_like_a_fixed_ball(radius):
+    a_table = table([(0, 0), (2, 0), (2, 0.8), (0.8, 0.8, radius), (0.8, 2), (0, 2)])
+    tip = pieces(a_table.outline)[1][0]
+    rng = np.random.default_rng(0)
+    fixed = max(radius, 1e-3)
+    hits = 0
+    for _ in range(200):
+        angle = rng.uniform(math.pi, 1.5 * math.pi)
+        start = np.array([tip.x, tip.y]) + 0.3 * np.array([math.cos(angle), math.sin(angle)])
+        aim = np.array([tip.x, tip.y]) - start + rng.uniform(-0.04, 0.04, 2)
+        physics = Physics(motion="rolling", cushion="restitution", e_ball=0.8, e_cushion=0.8)
+        shot = simulate(Scene(Balls.uniform(1, R), a_table, physics), [start], aim, record=True)
+        if kinds(shot)[0] != ("cushion", 0, 6):
+            continue
+        hits += 1
+        # A fixed ball of the same reach
+        balls = Balls((R - fixed + radius, fixed), (0.17, math.inf))
+        same = simulate(Scene(balls, Table(8.0, 8.0), physics), [start, [tip.x, tip.y]], aim, record=True)
+        assert kinds(same)[0] == ("ball_ball", 0, 1)
+        assert shot.events["time"][0] == pytest.approx(same.events["time"][0], abs=1e-14)
+        assert shot.events["speed"][0] == pytest.approx(same.events["speed"][0], abs=1e-13)
+        t = shot.events["time"][0] + 0.01
+        assert shot.at(t)[0] == pytest.approx(same.at(t)[0], abs=1e-14)
+    assert hits > 50
+
+
 # All shots
 
 

@@ -151,6 +151,13 @@ def test_derivatives_through_timesteps_converge_only_with_time_of_impact(shots, 
         assert fine > 0.8 * coarse > 0.02
 
 
+@laws
+def test_move_back_has_a_smaller_error_after_one_hit_than_late_lines_of_centres(physics):
+    case = one_hit(physics)
+    moved_back, *others = (error(case, 1e-3, fix) for fix in ("move_back", "push_apart", "none"))
+    assert 5 * moved_back < min(others)
+
+
 @pytest.mark.parametrize("shots", CASES)
 def test_move_back_has_exact_velocities_and_late_positions(shots):
     scene, places, starts = shots(FREE)
@@ -387,6 +394,18 @@ def test_an_overlap_with_two_fixed_balls_with_parallel_lines_of_centres(places, 
     assert np.isfinite(shot.positions).all()
     expected = 2.0 if through and fix in ("push_apart", "none") else -2.0
     assert shot.velocities[0] == pytest.approx([expected, 0.0], abs=1e-12)
+
+
+@fixes
+@pytest.mark.parametrize("arrangement", ["rack", "tight_rack"])
+def test_breaks_come_to_rest(arrangement, fix):
+    scene = Scene.named("pool", 15)
+    places, starts, _ = draw_starts(scene, 20, arrangement)
+    batch = simulate_batch(scene, places, 2 * starts, engine=Engine("pit", 1 / 60, fix))
+    assert batch.status.tolist() == ["rest"] * 20
+    assert not batch.velocities.any()
+    assert (batch.first_hit > 0).all()
+    assert batch.n_events.max() < 100_000
 
 
 @fixes

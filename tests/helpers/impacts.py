@@ -4,10 +4,8 @@ import itertools
 import math
 from typing import Any
 
-import mpmath
 import numpy as np
 
-from benchmarks.reference.oracle import laws
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.engine.space import ON_CLOTH, UNEQUAL_SPHERES
 from billiards_env.jit import allocating, entry_point
@@ -77,17 +75,31 @@ def impact(velocities, spins, angle, scene):
     return motion_of(rows, radius)
 
 
-def exact_impacts(scene, places, velocities, spins, pairs):
-    """Returns the velocities (n, 2) and spins (n, 3) after the impacts of an instant, and the pairs with an impulse.
+def three_dimensional(velocities, spins, angle, scene):
+    """Computes the impact with vectors in three dimensions, and drops the vertical velocity.
 
-    The high-precision simulator computes them.
+    Returns the velocities (2, 2) and the spins (2, 3) after it.
     """
-    with mpmath.workdps(40):
-        where, v, w = (
-            {k: tuple(map(mpmath.mpf, row)) for k, row in enumerate(array)} for array in (places, velocities, spins)
-        )
-        v, w, hits = laws.collide(laws.World.of(scene, 20), where, v, w, pairs, mpmath.mpf(10) ** -14)
-    return *(np.array([part[k] for k in range(len(places))], float) for part in (v, w)), hits
+    physics, radius, mass = scene.physics, scene.balls.radius, np.array(scene.balls.mass)
+    rise = radius[1] - radius[0] if scene.balls.shape == "sphere" else 0.0
+    apart = math.sqrt(sum(radius) ** 2 - rise**2)
+    n = np.array([apart * math.cos(math.radians(angle)), apart * math.sin(math.radians(angle)), rise]) / sum(radius)
+    h = np.array([*n[:2], 0.0]) / math.hypot(*n[:2])
+    v, w = np.pad(np.array(velocities, float), ((0, 0), (0, 1))), np.array(spins, float)
+    horizontal = (1 + physics.e_ball) * ((v[0] - v[1]) @ h) / (1 / mass).sum()
+    v[0] -= horizontal / mass[0] * h  # the slate takes the vertical part
+    v[1] += horizontal / mass[1] * h
+    surface = v[0] + np.cross(w[0], radius[0] * n) - v[1] - np.cross(w[1], -radius[1] * n)
+    slip = surface - (surface @ n) * n
+    speed, normal = np.linalg.norm(slip), horizontal / (n @ h)
+    falling = 0.009951 + 0.108 * math.exp(-physics.mu_ball_decay * speed)
+    mu = falling if physics.mu_ball is None else physics.mu_ball
+    size = min(mu * physics.mu_ball_factor * normal, speed / (3.5 * (1 / mass).sum()))
+    force = -size * slip / speed if speed > 0 else np.zeros(3)
+    v += np.stack([force, -force]) / mass[:, None]
+    for k in range(2):
+        w[k] += np.cross(radius[k] * n, force) / (0.4 * mass[k] * radius[k] ** 2)
+    return v[:, :2], w
 
 
 KINDS = ("smooth", "rubbing", "spheres")
