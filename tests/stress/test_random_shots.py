@@ -34,6 +34,19 @@ def test_flights_of_balls_of_different_masses_pass_all_checks(name):
         assert not result.bad(False).any(), result.findings
 
 
+@settings(max_examples=60)
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
+def test_flights_of_balls_of_any_sizes_pass_all_checks(seed, spread):
+    """The energy never rises, the impacts exchange momentum, and no balls overlap."""
+    rng, family = np.random.default_rng(seed), cast(Any, families.FAMILIES["rain of 6 balls of several sizes"])
+    scene, *_ = family(rng, 1)
+    radius = 0.022 * 2.0 ** (spread * rng.random(6))
+    mass = 0.17 * 10.0 ** rng.uniform(-spread, spread, 6)
+    balls = dataclasses.replace(scene.balls, radius=tuple(radius.tolist()), mass=tuple(mass.tolist()))
+    result = checks.check_shots(*families.rain(dataclasses.replace(scene, balls=balls))(rng, 4))
+    assert not result.bad(False).any(), result.findings
+
+
 @pytest.mark.parametrize("seed", range(40))
 def test_wild_shots_pass_all_checks(seed):
     assert families.check_family("wild", seed, shots=5)["bad"] == []
