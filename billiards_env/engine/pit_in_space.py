@@ -57,9 +57,12 @@ def predict_phase_end(i, work):  # out: work
 
 @inlined
 def depth(i, j, here, scene):
-    """Implements `Space.depth`."""
+    """Implements `Space.depth`. If both balls are on the cloth, the horizontal part is the overlap along the cloth."""
     dx, dy, dz = _way(i, j, here, scene)
-    return scene.radius[i] + scene.radius[j] - norm(norm(dx, dy), dz)
+    level = norm(dx, dy)
+    if here[i, UP] == 0.0 and here[j, UP] == 0.0 and level > 0.0:
+        return (scene.space.contact_distance(i, j, scene) - level) * (norm(level, dz) / level)
+    return scene.radius[i] + scene.radius[j] - norm(level, dz)
 
 
 @inlined
@@ -71,9 +74,10 @@ def _way(i, j, here, scene):
 
 @inlined
 def shift(i, way, work):  # out: work
-    """Implements `Space.shift`: a ball is never below its height on the cloth."""
+    """Implements `Space.shift`: a ball is never below its height on the cloth, and a ball on the cloth stays there."""
     pit_on_cloth.shift(i, way, work)
-    work.here[i, UP] = work.state.rows[i, Z] = max(work.here[i, UP] + way[UPWARDS], 0.0)
+    if work.here[i, UP] > 0.0:
+        work.here[i, UP] = work.state.rows[i, Z] = max(work.here[i, UP] + way[UPWARDS], 0.0)
 
 
 @inlined

@@ -389,6 +389,14 @@ FALLING = {  # where the cue ball is, its velocity and spin, the other balls, th
 }
 
 
+def test_pit_moves_balls_of_two_sizes_apart_along_the_cloth():
+    shot = play([-0.5, 0], [2.0, 0.1], others=[[0.0, 0.02], FAR[1]], scene=SIZES, engine=Engine("pit", 0.02))
+    time = float(shot.events[shot.events["kind"] == "ball_ball"][0]["time"])
+    places = shot.at(time)
+    assert math.dist(places[0], places[1]) == pytest.approx(TOUCH, abs=1e-14)
+    assert not shot.heights_at(time).any()
+
+
 @pytest.mark.parametrize("name", FALLING)
 def test_pit_approaches_pic_in_flights(name):
     *shot, s, end = FALLING[name]

@@ -74,9 +74,11 @@ def _jumps(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | N
 
 def rain(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | None]:
     """Returns shots in which half of the balls are in the air at the start, and all move and spin."""
+    disks = dataclasses.replace(scene.balls, shape="disk")  # balls of any heights do not overlap
+    plan = dataclasses.replace(scene, balls=disks, physics=dataclasses.replace(scene.physics, flight=False))
 
     def shots(rng: np.random.Generator, m: int) -> RandomShots | None:
-        if (places := draw.layouts(scene, rng, m)) is None:
+        if (places := draw.layouts(plan, rng, m)) is None:
             return None
         heights = rng.uniform(-0.2, 0.2, (m, scene.n_balls)).clip(0.0)[..., None]
         heights[heights > 0.0] += 0.03  # above the noses
