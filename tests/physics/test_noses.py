@@ -2,6 +2,7 @@
 
 import math
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from billiards_env.engine.compile import scene_arrays
-from billiards_env.physics.geometry import noses as noses_module
 from billiards_env.physics.geometry.contact import IMPULSE_ROUNDING
 from billiards_env.physics.geometry.noses import WALL, edge_time, nose_arrays, nose_time
+from billiards_env.physics.geometry.noses import noses_of as noses_of_ball
 from billiards_env.physics.geometry.outline_walls import outline_arrays
 from billiards_env.physics.motion import Path
 from billiards_env.scene import Scene, Table
@@ -25,8 +26,8 @@ INF, H = math.inf, NUMBERS.cushion_height
 
 def noses_of(a_table, pockets=(), radii=(R,), ball=0):
     outline = outline_arrays(a_table.outline, a_table.length / 2, a_table.width / 2, ())
-    noses = nose_arrays(outline, radii, NUMBERS, pockets)
-    return noses_module.noses_of.py_func(ball, SimpleNamespace(noses=noses))
+    kernel: Any = noses_of_ball
+    return kernel.py_func(ball, SimpleNamespace(noses=nose_arrays(outline, radii, NUMBERS, pockets)))
 
 
 def position(start, velocity, t):

@@ -124,10 +124,16 @@ def nose_arrays(
         pockets: (p, 3) x, y and radius of the circles of the pockets, m.
     """
     by_radius = {radius: _noses(outline, radius, numbers, pockets) for radius in set(radii)}
-    lines, tips, ends, inset, height = zip(*(by_radius[radius] for radius in radii), strict=True)
-    counts = [[0, 0, 0], *(list(map(len, parts)) for parts in zip(lines, tips, ends, strict=True))]
-    rows = map(np.concatenate, (lines, tips, ends))
-    return NosesOfBalls(*rows, np.cumsum(counts, axis=0), np.array(inset), np.array(height))
+    each = [by_radius[radius] for radius in radii]
+    counts = [(0, 0, 0), *((len(noses.lines), len(noses.tips), len(noses.ends)) for noses in each)]
+    return NosesOfBalls(
+        lines=np.concatenate([noses.lines for noses in each]),
+        tips=np.concatenate([noses.tips for noses in each]),
+        ends=np.concatenate([noses.ends for noses in each]),
+        bounds=np.cumsum(counts, axis=0),
+        inset=np.array([noses.inset for noses in each]),
+        height=np.array([noses.height for noses in each]),
+    )
 
 
 def _noses(outline: Outline, radius: float, numbers: Any, pockets: Sequence[Sequence[float]]) -> Noses:
