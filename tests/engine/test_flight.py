@@ -343,6 +343,15 @@ def test_balls_of_two_sizes_may_touch_at_the_start_but_not_overlap():
         play([0.0, 0.0], [0.0, 0.0], others=[[0.0, 0.5], [nose, 0.0, 0.01]], scene=small)
 
 
+def test_balls_of_two_sizes_that_friction_presses_together_on_the_cloth_stay_close():
+    """Gravity does not press them. With its contact time, the hops would be a hundred times as long."""
+    shot = play([-TOUCH, 0], [0.0, 0.0], (0.0, 60.0, 0.0), [[0.0, 0.0], FAR[1]], scene=SIZES, max_time=0.1)
+    times = np.linspace(0.0, 0.1, 2001)
+    assert shot.n_contact_rule > 100
+    assert shot.velocities[0, 0] > 0.02
+    assert np.ptp(shot.at(times)[:, :2, 0], axis=1) == pytest.approx(TOUCH, abs=1e-7)
+
+
 def test_what_has_no_flight_is_refused():
     s = scene()
     for fix in FIXES:
