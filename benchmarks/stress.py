@@ -48,6 +48,7 @@ SHOTS = {
     "stacks, exact": (100, 1_000),
     "stacks, leaning": (100, 1_000),
     "wedges at a nose": (100, 1_000),
+    "rain of 6 balls of several sizes": (200, 1_000),
 }
 WORST = ("overlap", "outside", "rise", "momentum", "most_events")
 ADDED = ("shots", "contact_rule", "events")

@@ -241,7 +241,7 @@ def _compiled(scene: Scene, engine: Engine) -> tuple[SceneKernels, tuple[Any, ..
         inv_mass=1.0 / np.array(scene.balls.mass),
         pockets=table.pocket_rows,
         outline=outline,
-        noses=nose_arrays(outline, scene.balls.radius[0], numbers, table.pocket_rows.tolist()) if p.flight else None,
+        noses=nose_arrays(outline, scene.balls.radius, numbers, table.pocket_rows.tolist()) if p.flight else None,
     )
     walls = OUTLINE if table.outline else RECTANGLE
     kernels = SceneKernels(laws_of(p.ball_ball, p.cushion), walls, space_of(scene))

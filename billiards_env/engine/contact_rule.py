@@ -336,7 +336,7 @@ def _collide_again(count, time, contacts, state, scene, scratch, memory):  # out
     """Implements `collide` for impacts that are not one ordinary impact."""
     first, second, closing, numbers = contacts.first, contacts.second, contacts.closing, scene.numbers
     for c in range(count):  # before any impact is counted, so that the order of the contacts does not matter
-        limits = scene.space.limits(c, contacts, numbers)
+        limits = scene.space.limits(c, contacts, state, numbers)
         end_runs(first[c], time, closing[c], limits.speed, numbers, memory)
         end_runs(second[c], time, closing[c], limits.speed, numbers, memory)
     for c in range(count):
@@ -346,7 +346,7 @@ def _collide_again(count, time, contacts, state, scene, scratch, memory):  # out
     for c in range(count):
         i, j = first[c], second[c]
         over = over or is_over(i, j, state, numbers, memory)
-        limits = scene.space.limits(c, contacts, numbers)
+        limits = scene.space.limits(c, contacts, state, numbers)
         closing[c], towards = scene.space.pressing(c, contacts, state, scene)
         contacts.rebound[c] = least_rebound(closing[c], towards, min(memory.weak[i], memory.weak[j]), limits, numbers)
     if scene.space.stop(over, count, contacts, state, scene, memory):
@@ -372,7 +372,7 @@ def collide(count, time, contacts, state, scene, scratch, memory):  # out: conta
         The number of acts of the rule.
     """
     i, j, speed = contacts.first[0], contacts.second[0], contacts.closing[0]
-    numbers, acts, weak = scene.numbers, 0, scene.space.limits(0, contacts, scene.numbers).speed
+    numbers, acts, weak = scene.numbers, 0, scene.space.limits(0, contacts, state, scene.numbers).speed
     ordinary = is_ordinary(i, time, speed, weak, numbers, memory) and is_ordinary(j, time, speed, weak, numbers, memory)
     if count == 1 and ordinary:
         count_ordinary(i, time, memory)

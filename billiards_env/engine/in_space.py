@@ -3,6 +3,10 @@
 A ball flies if it is above the cloth or has a vertical velocity, see `physics.laws.flight`. It meets the slate, the
 noses of the cushions (`physics.geometry.noses`), pockets and other balls.
 
+**Balls of different size.** A height is measured from the height of the ball's centre on the cloth. So the centres of
+two balls on the cloth differ in height by the difference of their radii, and the normal is inclined. The impact lifts
+the larger ball and presses the smaller one into the slate, on which it lands at the same instant.
+
 **Bodies that carry a ball.** Gravity presses a ball above the cloth against the ball or the nose below it. There the
 contact-time rule of `contact_rule` acts with A = g |n_z| and tau = sqrt(2 h / g), where n is the normal and h is
 `Numbers.least_hop`, unless A tau is smaller than with friction. So the ball slips down the body below it in hops lower
@@ -35,6 +39,7 @@ from billiards_env.physics.geometry.noses import (
     is_beyond_noses,
     nose_normal,
     nose_time,
+    noses_of,
     pocket_below,
 )
 from billiards_env.physics.geometry.pockets import pocket_exit, pockets_near
@@ -157,15 +162,15 @@ def end_in_air(i, state, scene):
         The time, s after the ball's own, the kind of event, and the pocket, or the cushion whose nose the centre passes
         over, or -1.
     """
-    path, end, radius = path_of(state, i), state.rows[i, LASTS], scene.radius[i]
-    (last, other), kind = edge_time(path, end, scene.noses), OFF_TABLE
+    path, end, radius, noses = path_of(state, i), state.rows[i, LASTS], scene.radius[i], noses_of(i, scene)
+    (last, other), kind = edge_time(path, end, noses), OFF_TABLE
     if last >= end:
         last, other = end, pocket_below(*place_after(path, end), radius, scene)
         kind = LANDING if other < 0 else BALL_POCKET
     first_pocket, last_pocket = pockets_near(path, last, scene.pockets)
     for k in range(first_pocket, last_pocket + 1):
         t = pocket_exit(path, scene.pockets[k])
-        if t < last and is_beyond_noses(*place_after(path, t), scene):
+        if t < last and is_beyond_noses(*place_after(path, t), noses, scene):
             last, kind, other = t, OFF_TABLE, -1
             if falls_back(height_of(state, i, t, scene.numbers)[0], radius):
                 kind, other = BALL_POCKET, k
@@ -180,7 +185,7 @@ def _event_in_air(i, state, scene):
         other = -1
     path, rise = path_of(state, i), (state.rows[i, Z], state.rows[i, VZ])
     noise = IMPULSE_ROUNDING * norm(norm(path.vx, path.vy), rise[1])
-    t, wall = nose_time(path, rise, scene.radius[i], last, noise, scene.noses, scene.numbers.g)
+    t, wall = nose_time(path, rise, scene.radius[i], last, noise, noses_of(i, scene), scene.numbers.g)
     if t <= last:
         last, kind, other = t, BALL_CUSHION, wall
     return last, kind, other
@@ -238,10 +243,11 @@ def resolve_single(i, now, k, scene, work, shots, log):  # out: work, shots, log
 @inlined
 def meeting_time(i, j, now, path, end, noise, state, scene):
     """Implements `Space.meeting_time`."""
-    rise, speeds = _rise_between(i, j, now, state, scene.numbers)
-    if rise == (0.0, 0.0, 0.0):
+    (z, v, a), speeds = _rise_between(i, j, now, state, scene.numbers)
+    if (z, v, a) == (0.0, 0.0, 0.0):
         return on_cloth.meeting_time(i, j, now, path, end, noise, state, scene)
-    return sphere_time(path, rise, scene.space.contact_distance(i, j, scene), end, noise + IMPULSE_ROUNDING * speeds)
+    rise, reach = (z + (scene.radius[j] - scene.radius[i]), v, a), scene.radius[i] + scene.radius[j]
+    return sphere_time(path, rise, reach, end, noise + IMPULSE_ROUNDING * speeds)
 
 
 @inlined
@@ -249,7 +255,8 @@ def _rise_between(i, j, now, state, numbers):
     """Returns how ball j rises relative to ball i from a `Time` on.
 
     Returns:
-        The relative height z + v t + a t^2 / 2 as (z, v, a), and the sum of the vertical speeds, m/s.
+        The difference z + v t + a t^2 / 2 of their heights above the cloth as (z, v, a), and the sum of the vertical
+        speeds, m/s.
     """
     zi, vzi = height_of(state, i, since(now, own_time(state, i)), numbers)
     zj, vzj = height_of(state, j, since(now, own_time(state, j)), numbers)
@@ -266,10 +273,11 @@ def approach(i, j, now, state, scene):
     xj, yj, vxj, vyj = motion_after(state, j, t_j)
     zi, vzi = height_of(state, i, t_i, scene.numbers)
     zj, vzj = height_of(state, j, t_j, scene.numbers)
-    dx, dy, dz = xj - xi, yj - yi, zj - zi
+    dx, dy, dz = xj - xi, yj - yi, (zj - zi) + (scene.radius[j] - scene.radius[i])
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
     nx, ny, nz = dx / distance, dy / distance, dz / distance
-    return distance, (nx, ny, nz), -(nx * (vxj - vxi) + ny * (vyj - vyi) + nz * (vzj - vzi))
+    gap = distance - (scene.radius[i] + scene.radius[j])
+    return gap, (nx, ny, nz), -(nx * (vxj - vxi) + ny * (vyj - vyi) + nz * (vzj - vzi))
 
 
 @inlined
@@ -333,9 +341,15 @@ def exchange(e, count, contacts, state, scene, scratch):  # out: contacts, state
 
 
 @inlined
-def limits(c, contacts, numbers):
-    """Implements `Space.limits`."""
-    return limits_at(contacts.normal[c, UPWARDS], numbers)
+def limits(c, contacts, state, numbers):
+    """Implements `Space.limits`. If both balls are on the cloth, gravity does not press them together."""
+    return limits_at(contacts.normal[c, UPWARDS] if _flies(c, contacts, state) else 0.0, numbers)
+
+
+@inlined
+def _flies(c, contacts, state):
+    """Returns whether a ball of contact c is in the air."""
+    return state.phase[contacts.first[c]] == AIRBORNE or state.phase[contacts.second[c]] == AIRBORNE
 
 
 @inlined
@@ -395,7 +409,7 @@ def _push_aside(count, contacts, state, scene):  # out: contacts, state
     """
     acts, numbers, rebound = 0, scene.numbers, contacts.rebound
     for c in range(count):
-        n, speed = contacts.normal[c], limits(c, contacts, numbers).speed
+        n, speed = contacts.normal[c], limits(c, contacts, state, numbers).speed
         a, b = state.rows[contacts.first[c]], state.rows[contacts.second[c]]
         rebound[c] = 0.0
         if contacts.closing[c] <= speed + 2.0 * numbers.g * numbers.dt:
@@ -423,7 +437,7 @@ def _hit_nose(i, wall, state, scene):  # out: state
         The speed of approach, m/s, and the number of acts of the rule.
     """
     row, numbers, radius = state.rows[i], scene.numbers, scene.radius[i]
-    n = nose_normal(row, wall, scene.noses)
+    n = nose_normal(row, wall, noses_of(i, scene))
     weak, speed = limits_at(n[2], numbers).speed, max(n[0] * row[VX] + n[1] * row[VY] + n[2] * row[VZ], 0.0)
     after, rebound = cushion_restitution(speed, numbers) * speed, 0.5 * weak
     if speed > weak or after >= rebound:
@@ -439,7 +453,7 @@ def _hit_nose(i, wall, state, scene):  # out: state
 def pressing(c, contacts, state, scene):
     """Implements `Space.pressing`. The speed of approach of a weak impact is rounded only once."""
     i, j, closing = contacts.first[c], contacts.second[c], contacts.closing[c]
-    if closing <= limits(c, contacts, scene.numbers).speed:
+    if closing <= limits(c, contacts, state, scene.numbers).speed:
         closing = max(-separation_speed(contacts, c, state)[0], 0.0)
     a, b, (nx, ny, nz) = state.rows[i], state.rows[j], _normal(c, contacts)
     wx, wy, wz = b[VX] - a[VX], b[VY] - a[VY], b[VZ] - a[VZ]
@@ -468,7 +482,7 @@ def stop(over, count, contacts, state, scene, memory):  # out: state
 @inlined
 def _is_in_air(count, contacts, state):
     """Returns whether a ball of the first `count` contacts is in the air."""
+    found = False
     for c in range(count):
-        if state.phase[contacts.first[c]] == AIRBORNE or state.phase[contacts.second[c]] == AIRBORNE:
-            return True
-    return False
+        found = found or _flies(c, contacts, state)
+    return found

@@ -144,7 +144,8 @@ def approach(i, j, now, state, scene):
     dx, dy = xj - xi, yj - yi
     apart = norm(dx, dy)
     nx, ny = dx / apart, dy / apart
-    return apart, (nx, ny), -(nx * (vxj - vxi) + ny * (vyj - vyi))
+    gap = apart - scene.space.contact_distance(i, j, scene)
+    return gap, (nx, ny), -(nx * (vxj - vxi) + ny * (vyj - vyi))
 
 
 @inlined
@@ -190,7 +191,7 @@ def push(contacts, p, state, scene):  # out: state
 
 
 @inlined
-def limits(c, contacts, numbers):
+def limits(c, contacts, state, numbers):
     """Implements `Space.limits`."""
     return Limits(numbers.weak_speed, numbers.tau)
 

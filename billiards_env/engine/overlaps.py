@@ -250,7 +250,7 @@ def _push_apart(count, scene, work):  # out: work
     shift, done, overlap, scale = scratch.dv, scratch.done, scratch.descent[0], scratch.descent[1]
     for c in range(count):
         i, j = contacts.first[c], contacts.second[c]
-        overlap[c] = scene.space.contact_distance(i, j, scene) - scene.space.distance(i, j, here)
+        overlap[c] = scene.space.depth(i, j, here, scene)
         scale[c] = 1.0 / (inv_mass[i] + inv_mass[j])
     sum_impulses(count, contacts, overlap, scale, inv_mass, shift, done)
     for c in range(count):

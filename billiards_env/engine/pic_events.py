@@ -31,10 +31,10 @@ def add_contact(i, j, meeting, now, state, scene, contacts, count):  # out: stat
     Returns:
         Whether the balls were added.
     """
-    distance, n, closing = scene.space.approach(i, j, now, state, scene)
+    gap, n, closing = scene.space.approach(i, j, now, state, scene)
     if same(meeting, now):
         closing = max(closing, 0.0)
-    elif distance - scene.space.contact_distance(i, j, scene) > CONTACT_GAP or closing <= 0.0:
+    elif gap > CONTACT_GAP or closing <= 0.0:
         return False
     scene.space.advance(state, i, now, scene.numbers)
     scene.space.advance(state, j, now, scene.numbers)

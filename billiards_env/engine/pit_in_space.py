@@ -27,7 +27,7 @@ from billiards_env.engine.log import BALL_CUSHION, BALL_POCKET, LANDING, OFF_TAB
 from billiards_env.engine.shots import record_event
 from billiards_env.jit import inlined, kernel
 from billiards_env.physics.elementary import norm
-from billiards_env.physics.geometry.noses import is_free, nose_normal, pocket_below, way_to_nose
+from billiards_env.physics.geometry.noses import is_free, nose_normal, noses_of, pocket_below, way_to_nose
 from billiards_env.physics.geometry.pockets import pocket_at
 from billiards_env.physics.laws.flight import height_after
 from billiards_env.physics.motion import path_of, place_after
@@ -56,25 +56,37 @@ def predict_phase_end(i, work):  # out: work
 
 
 @inlined
-def distance(i, j, here):
-    """Implements `Space.distance`."""
-    return norm(pit_on_cloth.distance(i, j, here), here[j, UP] - here[i, UP])
+def depth(i, j, here, scene):
+    """Implements `Space.depth`. If both balls are on the cloth, the horizontal part is the overlap along the cloth."""
+    dx, dy, dz = _way(i, j, here, scene)
+    level = norm(dx, dy)
+    if here[i, UP] == 0.0 and here[j, UP] == 0.0 and level > 0.0:
+        return (scene.space.contact_distance(i, j, scene) - level) * (norm(level, dz) / level)
+    return scene.radius[i] + scene.radius[j] - norm(level, dz)
+
+
+@inlined
+def _way(i, j, here, scene):
+    """Returns the vector from the centre of ball i to that of ball j, m."""
+    rise = (here[j, UP] - here[i, UP]) + (scene.radius[j] - scene.radius[i])
+    return here[j, X] - here[i, X], here[j, Y] - here[i, Y], rise
 
 
 @inlined
 def shift(i, way, work):  # out: work
-    """Implements `Space.shift`: a ball is never below its height on the cloth."""
+    """Implements `Space.shift`: a ball is never below its height on the cloth, and a ball on the cloth stays there."""
     pit_on_cloth.shift(i, way, work)
-    work.here[i, UP] = work.state.rows[i, Z] = max(work.here[i, UP] + way[UPWARDS], 0.0)
+    if work.here[i, UP] > 0.0:
+        work.here[i, UP] = work.state.rows[i, Z] = max(work.here[i, UP] + way[UPWARDS], 0.0)
 
 
 @inlined
 def overlap(i, j, here, scene):
     """Implements `Space.overlap`."""
-    dx, dy, dz = here[j, X] - here[i, X], here[j, Y] - here[i, Y], here[j, UP] - here[i, UP]
+    dx, dy, dz = _way(i, j, here, scene)
     w = here[j, VX] - here[i, VX], here[j, VY] - here[i, VY], here[j, UP_SPEED] - here[i, UP_SPEED]
     apart = math.sqrt(dx * dx + dy * dy + dz * dz)
-    if apart >= scene.space.contact_distance(i, j, scene):
+    if apart >= scene.radius[i] + scene.radius[j]:
         return (0.0, 0.0, 0.0), -1.0
     n = (dx / apart, dy / apart, dz / apart) if apart > 0.0 else (0.0, 0.0, 1.0)
     return n, -(n[0] * w[0] + n[1] * w[1] + n[2] * w[2])
@@ -101,14 +113,14 @@ def _end_of_flight(i, t, scene, work):
         return end, -1, -1
     if end == row[LASTS]:
         x, y = work.here[i, X], work.here[i, Y]
-        if is_free((x, y, 0.0), scene.radius[i], scene):
+        if is_free(i, (x, y, 0.0), scene):
             other = pocket_below(x, y, scene.radius[i], scene)
         else:
             other = pocket_at(scene.pockets, x, y, 1.0)
         return end, (LANDING if other < 0 else BALL_POCKET), other
     if kind == OFF_TABLE and other >= 0:
         z, _ = height_after(row[Z], row[VZ], end, scene.numbers.g)
-        if z - scene.noses.height < scene.radius[i]:
+        if z - noses_of(i, scene).height < scene.radius[i]:
             return end, BALL_CUSHION, other
     return end, kind, (other if kind == BALL_POCKET else -1)
 
@@ -129,7 +141,8 @@ def test_pockets(i, now, k, fix, scene, work, shots, log):  # out: work, shots, 
         _land(i, now, k, fix, scene, work, shots, log)
         return True
     if kind == BALL_CUSHION:
-        reach = scene.noses.inset + _reach(row, scene.radius[i], scene.noses)
+        noses = noses_of(i, scene)
+        reach = noses.inset + _reach(row, scene.radius[i], noses)
         row[X], row[Y] = scene.walls.back_to(*over, reach, other, scene)
     _resolve((kind, i, other), now, k, scene, work, shots, log)
     return True
@@ -188,7 +201,8 @@ def hit_cushions(i, now, k, fix, scene, work, shots, log):  # out: work, shots, 
     state, row, radius, has_hit = work.state, work.state.rows[i], scene.radius[i], False
     if state.phase[i] != AIRBORNE:
         return pit_on_cloth.hit_cushions(i, now, k, fix, scene, work, shots, log)
-    noses, box, reach = scene.noses, scene.outline.box, radius + scene.noses.inset
+    noses, box = noses_of(i, scene), scene.outline.box
+    reach = radius + noses.inset
     if abs(work.here[i, X]) <= box[X] - reach and abs(work.here[i, Y]) <= box[Y] - reach:
         return False
     advance(state, i, now, scene.numbers)

@@ -51,9 +51,9 @@ def test_pockets(i, now, k, fix, scene, work, shots, log):  # out: work, shots, 
 
 
 @inlined
-def distance(i, j, here):
-    """Implements `Space.distance`."""
-    return norm(here[j, X] - here[i, X], here[j, Y] - here[i, Y])
+def depth(i, j, here, scene):
+    """Implements `Space.depth`."""
+    return scene.space.contact_distance(i, j, scene) - norm(here[j, X] - here[i, X], here[j, Y] - here[i, Y])
 
 
 @inlined

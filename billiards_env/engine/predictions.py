@@ -214,7 +214,7 @@ def predict_pair(i, j, state, scene, singles):
     xj, yj, vxj, vyj = motion_after(state, j, since(now, own_time(state, j)))
     rows = state.rows
     path = Path(xj - xi, yj - yi, vxj - vxi, vyj - vyi, rows[j, AX] - rows[i, AX], rows[j, AY] - rows[i, AY])
-    if meeting_bound(path, scene.space.contact_distance(i, j, scene), end) == math.inf:
+    if meeting_bound(path, scene.radius[i] + scene.radius[j], end) == math.inf:
         return Time(math.inf, 0.0)
     noise = IMPULSE_ROUNDING * (norm(vxi, vyi) + norm(vxj, vyj))
     t = scene.space.meeting_time(i, j, now, path, end, noise, state, scene)

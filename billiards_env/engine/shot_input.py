@@ -365,29 +365,33 @@ def _fill_heights(
 
 def _check_in_air(scene: Scene, shot: ShotInput, z: Floats, flies: NDArray[np.bool_]) -> None:
     """Raises a ValueError if a ball in the air is not above the table or overlaps another ball."""
-    n, reach = scene.n_balls, 2.0 * scene.balls.radius[0] - CONTACT_GAP
+    n, radius = scene.n_balls, np.array(scene.balls.radius)
     places = np.concatenate((shot.positions, z[..., None]), axis=-1).reshape(-1, n, 3)
-    if not _are_free(scene_kernels(scene), scene_fields(scene), places[flies.reshape(-1, n)]):
+    in_play, flying = shot.in_play.reshape(-1, n), flies.reshape(-1, n)
+    if not _are_free(scene_kernels(scene), scene_fields(scene), places, flying):
         raise ValueError(
             f"positions = {short(shot.positions.tolist())}: expected balls in the air between the noses of the cushions"
         )
-    in_play, flying = shot.in_play.reshape(-1, n), flies.reshape(-1, n)
+    reach, centres = np.add.outer(radius, radius) - CONTACT_GAP, places + np.outer(radius, [0.0, 0.0, 1.0])
     for k in np.flatnonzero(flying.any(axis=1)).tolist():
-        apart = np.linalg.norm(places[k, :, None] - places[k], axis=-1)
+        apart = np.linalg.norm(centres[k, :, None] - centres[k], axis=-1)
         meets = (apart < reach) & flying[k][:, None] & in_play[k] & ~np.eye(n, dtype=bool)
         if meets.any():
             i, j = np.argwhere(meets)[0].tolist()
-            raise ValueError(
-                f"positions: balls {i} and {j} are {short(apart[i, j])} m apart: expected at least {short(reach)} m"
-            )
+            gap, least = short(apart[i, j]), short(reach[i, j])
+            raise ValueError(f"positions: balls {i} and {j} are {gap} m apart: expected at least {least} m")
 
 
 @entry_point
-def _are_free(kernels, scene, places):
-    """Returns whether balls at `places`, (m, 3) m, are between the noses or over a pocket, and overlap no nose."""
+def _are_free(kernels, scene, places, flying):
+    """Returns whether balls at `places`, (m, n, 3) m, are between the noses or over a pocket, and overlap no nose.
+
+    `flying`, (m, n) bool, are the balls to test.
+    """
     arrays, free = scene_of(kernels, scene, 0), True
     for k in range(len(places)):
-        free = free and is_free(places[k], arrays.radius[0], arrays)
+        for i in range(places.shape[1]):
+            free = free and (not flying[k, i] or is_free(i, places[k, i], arrays))
     return free
 
 

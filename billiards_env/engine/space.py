@@ -37,10 +37,10 @@ class Space(NamedTuple):
         resolve_single: (i, now, k, scene, work, shots, log). Resolves and records the event of `event_alone`. Returns
             the number of events; a corner counts as two.
 
-        contact_distance: (i, j, scene). Returns the distance at which two balls on the cloth touch, m.
+        contact_distance: (i, j, scene). Returns the horizontal distance at which two balls on the cloth touch, m.
         meeting_time: (i, j, now, path, end, noise, state, scene). Returns when two balls touch after `now`, see
             `contact.circle_time`.
-        approach: (i, j, now, state, scene). Returns the distance of two balls, m, the normal and the speed of approach,
+        approach: (i, j, now, state, scene). Returns the gap between two balls, m, the normal and the speed of approach,
             m/s.
         frozen_normal: (k, i, j, scene, starts). Returns the normal (x, y) of two balls on the cloth that touch at the
             start of a shot; zeros if they do not touch.
@@ -54,7 +54,7 @@ class Space(NamedTuple):
             friction.
         exchange: (e, count, contacts, state, scene, scratch). Resolves impacts, see `ball_ball.exchange`.
 
-        limits: (c, contacts, numbers). Returns the `contact_rule.Limits` of a contact.
+        limits: (c, contacts, state, numbers). Returns the `contact_rule.Limits` of a contact.
         pressing: (c, contacts, state, scene). Returns the speed of approach at a contact, m/s, and the acceleration of
             the balls towards each other, m/s^2.
         stop: (over, count, contacts, state, scene, memory). Ends a sequence of impacts: brings the balls to rest if the
@@ -66,7 +66,7 @@ class Space(NamedTuple):
             last timestep, except at cushions. Returns whether there was one.
         overlap: (i, j, here, scene). PIT: returns the normal of two balls and the speed of approach, m/s, which is
             negative if they separate or do not overlap.
-        distance: (i, j, here). PIT: returns the distance of two centres, m.
+        depth: (i, j, here, scene). PIT: returns the depth of the overlap of two balls, m.
         shift: (i, way, work). PIT: moves ball i by a vector, m.
         resolve_overlaps: (count, now, k, fix, scene, work, shots, log). PIT: resolves and records the impacts of the
             first `count` contacts. Returns the number of impacts.
@@ -97,7 +97,7 @@ class Space(NamedTuple):
     predict_phase_end: Any
     test_pockets: Any
     overlap: Any
-    distance: Any
+    depth: Any
     shift: Any
     resolve_overlaps: Any
     hit_cushions: Any
@@ -111,7 +111,7 @@ def _space_of(*modules: ModuleType) -> Space:
 
 ON_CLOTH = _space_of(on_cloth, pit_on_cloth)
 UNEQUAL_SPHERES = _space_of(unequal_spheres, on_cloth, pit_on_cloth)
-IN_SPACE = _space_of(in_space, pit_in_space, on_cloth, pit_on_cloth)
+IN_SPACE = _space_of(in_space, pit_in_space, unequal_spheres, on_cloth, pit_on_cloth)
 
 
 def space_of(scene: Scene) -> Space:

@@ -161,7 +161,7 @@ class SceneArrays(NamedTuple):
         inv_mass: (n,) float64, 1/kg; 0 for a fixed ball.
         pockets: (k, 3) float64, a row of `Table.pocket_rows` for each pocket, see `geometry.pockets`.
         outline: The `geometry.walls.Outline`: the cushions.
-        noses: The `noses.Noses` if balls leave the cloth, otherwise None.
+        noses: The `noses.NosesOfBalls` if balls leave the cloth, otherwise None.
         scatter: The fields of `scatter.Scatter` of all shots; None for cushions without scatter.
         laws, walls, space: The fields of `SceneKernels`.
 

@@ -211,8 +211,8 @@ class Physics:
             All but "restitution" need `motion="sliding"`.
         ball_ball: "frictionless" or "frictional" (impacts of balls with friction, which throws balls and transfers
             spin; needs `motion="sliding"`).
-        flight: Whether balls leave the cloth, see `physics.laws.flight`. It needs `motion="sliding"` and balls of one
-            size and of finite masses.
+        flight: Whether balls leave the cloth, see `physics.laws.flight`. It needs `motion="sliding"` and finite masses.
+            Balls of several sizes must be spheres.
         g: Gravity, m/s^2.
         mu_slide: Coefficient of sliding friction between ball and cloth.
         mu_roll: Coefficient of rolling resistance between ball and cloth.
@@ -465,13 +465,15 @@ class Scene:
     def _check_flight(self) -> None:
         """Raises a ValueError if balls cannot leave the cloth in this scene."""
         balls, table = self.balls, self.table
-        if len(set(balls.radius)) > 1 or math.inf in balls.mass:
-            what = "balls of several sizes" if len(set(balls.radius)) > 1 else "a ball of infinite mass"
-            raise ValueError(f"physics.flight = True with {what}: expected balls of one size and of finite masses")
-        if not 0 < table.cushion_height < 2 * balls.radius[0]:
+        if math.inf in balls.mass:
+            raise ValueError("physics.flight = True with a ball of infinite mass: expected finite masses")
+        if balls.shape == "disk" and len(set(balls.radius)) > 1:
+            raise ValueError("balls.shape = 'disk' with physics.flight = True and several radii: expected 'sphere'")
+        smallest = 2 * min(balls.radius)
+        if not 0 < table.cushion_height < smallest:
             raise ValueError(
                 f"scene.table.cushion_height = {table.cushion_height!r} with physics.flight = True: expected less than "
-                f"the diameter of a ball ({2 * balls.radius[0]} m)"
+                f"the diameter of the smallest ball ({smallest} m)"
             )
 
     def __repr__(self) -> str:

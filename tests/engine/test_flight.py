@@ -349,15 +349,93 @@ def test_the_push_of_a_ball_off_another_one_exchanges_momentum():
     assert vx < 0.0 < wx
 
 
+SIZES = dataclasses.replace(scene(), balls=Balls((0.024, 0.036, R), (0.09, 0.3, 0.17), shape="sphere"))
+REACH, TOUCH = 0.024 + 0.036, 2 * math.sqrt(0.024 * 0.036)  # of balls 0 and 1: in space, and along the cloth
+
+
+@pytest.mark.parametrize(("ball", "other"), [(0, 1), (1, 0)])
+def test_an_impact_on_the_cloth_presses_the_smaller_ball_down_and_lifts_the_larger_one(ball, other):
+    smooth = dataclasses.replace(SIZES, physics=Physics(flight=True, ball_ball="frictional", mu_ball=0.0))
+    places, velocities, spins = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
+    places[:, 0], velocities[ball, 0], spins[ball, 1] = -5.0, 3.0, 3.0 / smooth.balls.radius[ball]
+    places[ball, 0], places[other, 0] = -0.3, 0.0
+    shot: Any = simulate(smooth, places, velocities, spins=spins, record=True, max_time=1.0)
+    hit = shot.events[0]
+    assert np.ptp(shot.at(hit["time"])[:2, 0]) == pytest.approx(TOUCH, abs=1e-14)
+    cosine, sine = TOUCH / REACH, (0.036 - 0.024) / REACH
+    mass = np.array(smooth.balls.mass)
+    push = 1.95 * hit["speed"] / (1 / mass[:2]).sum()
+    ahead = 1 if ball == 0 else -1  # of the larger ball, from the smaller one
+    speeds = np.array([[-ahead * cosine, -sine], [ahead * cosine, sine]]) * push / mass[:2, None]
+    speeds[ball, 0] += hit["speed"] / cosine
+    small, large = pieces(shot, 0), pieces(shot, 1)
+    assert small[0, [VX, VZ]] == pytest.approx(speeds[0], rel=1e-12)
+    assert large[0, [VX, VZ]] == pytest.approx(speeds[1], rel=1e-12)
+    landing = shot.events[(shot.events["kind"] == "landing") & (shot.events["ball"] == 0)][0]
+    assert (landing["time"], landing["speed"]) == (hit["time"], pytest.approx(-speeds[0, 1], rel=1e-12))
+    assert small[1, VZ] == pytest.approx(-0.6 * speeds[0, 1], rel=1e-12)
+
+
+def test_balls_of_two_sizes_meet_in_the_air_at_the_sum_of_their_radii():
+    shot = play([-0.2, 0.0, 0.2], [1.5, 0.1, 1.0], others=[[0.0, 0.05, 0.3], FAR[1]], scene=SIZES, max_time=1.0)
+    time = float(shot.events[0]["time"])
+    places = np.column_stack((shot.at(time), shot.heights_at(time) + SIZES.balls.radius))
+    assert shot.events[0]["kind"] == "ball_ball"
+    assert math.dist(places[0], places[1]) == pytest.approx(REACH, abs=1e-14)
+
+
+@pytest.mark.parametrize("ball", [0, 1])
+def test_a_nose_has_the_height_above_the_cloth_that_is_given(ball):
+    s = dataclasses.replace(SIZES, table=scene(length=2.0).table)
+    places, velocities = np.array([[0.8, 0.0, 0.02], [0.8, 0.3, 0.02], [-0.5, 0.0, 0.0]]), np.zeros((3, 3))
+    velocities[ball] = [3.0, 0.0, 0.1]
+    shot: Any = simulate(s, places, velocities, record=True, max_time=0.3)
+    hit = shot.events[shot.events["kind"] == "cushion"][0]
+    radius, h = s.balls.radius[ball], s.table.cushion_height
+    across = 1.0 - radius + math.sqrt(radius**2 - (h - radius) ** 2) - hit["x"]
+    assert hit["ball"] == ball
+    up = h - radius - shot.heights_at(float(hit["time"]))[ball]
+    assert math.hypot(across, up) == pytest.approx(radius, abs=1e-14)
+
+
+def test_balls_of_two_sizes_may_touch_at_the_start_but_not_overlap():
+    above = REACH + 0.024 - 0.036 - 1e-13  # of ball 1, on the cloth, if ball 0 is below it
+    for ball, height in ((1, above), (0, REACH + 0.036 - 0.024 - 1e-13)):
+        places = np.zeros((3, 3))
+        places[2, 0], places[ball, 2] = 1.0, height
+        simulate(SIZES, places, [0.0, 0.0], max_time=0.01)
+        places[ball, 2] -= 1e-9
+        with pytest.raises(ValueError, match=r"balls \d and \d are 0\.0599\d* m apart: expected at least"):
+            simulate(SIZES, places, [0.0, 0.0])
+    play([0, 0], [0.0, 0.0], others=[[TOUCH, 0.0], FAR[1]], scene=SIZES, max_time=0.01)
+    small = dataclasses.replace(SIZES, table=scene(length=2.0).table)
+    nose = 1.0 - R + 1e-3  # too near for the ball of radius R, but not for the smaller one
+    play([nose, 0.0, 0.01], [0.0, 0.0], others=[[0.0, 0.5], [0.0, -0.5]], scene=small, max_time=0.01)
+    with pytest.raises(ValueError, match="expected balls in the air between the noses"):
+        play([0.0, 0.0], [0.0, 0.0], others=[[0.0, 0.5], [nose, 0.0, 0.01]], scene=small)
+
+
+def test_balls_of_two_sizes_that_friction_presses_together_on_the_cloth_stay_close():
+    """Gravity does not press them. With its contact time, the hops would be a hundred times as long."""
+    shot = play([-TOUCH, 0], [0.0, 0.0], (0.0, 60.0, 0.0), [[0.0, 0.0], FAR[1]], scene=SIZES, max_time=0.1)
+    times = np.linspace(0.0, 0.1, 2001)
+    assert shot.n_contact_rule > 100
+    assert shot.velocities[0, 0] > 0.02
+    assert np.ptp(shot.at(times)[:, :2, 0], axis=1) == pytest.approx(TOUCH, abs=1e-7)
+
+
 def test_what_has_no_flight_is_refused():
     s = scene()
     for fix in FIXES:
         refused = pytest.raises(ValueError, match=rf"fix = '{fix}' with physics\.flight = True")
         with refused if TREATMENTS[fix].goes_back else nullcontext():
             scene_fields(s, Engine("pit", 1 / 60, fix))
-    for balls in (Balls((R, R, 0.03), s.balls.mass), Balls(s.balls.radius, (0.17, 0.17, math.inf))):
-        with pytest.raises(ValueError, match="expected balls of one size and of finite masses"):
-            dataclasses.replace(s, balls=balls)
+    with pytest.raises(ValueError, match="with a ball of infinite mass: expected finite masses"):
+        dataclasses.replace(s, balls=Balls(s.balls.radius, (0.17, 0.17, math.inf)))
+    with pytest.raises(ValueError, match="and several radii: expected 'sphere'"):
+        dataclasses.replace(s, balls=Balls((R, R, 0.03), s.balls.mass))
+    with pytest.raises(ValueError, match=r"less than the diameter of the smallest ball \(0\.03 m\)"):
+        dataclasses.replace(scene(cushion="restitution"), balls=Balls((R, R, 0.015), s.balls.mass, shape="sphere"))
     with pytest.raises(ValueError, match="motion 'sliding'"):
         Physics(flight=True, motion="rolling", cushion="restitution")
     with pytest.raises(ValueError, match="velocities has shape"):
@@ -381,6 +459,8 @@ FALLING = {  # where the cue ball is, its velocity and spin, the other balls, th
     "hits a heavy ball": ((-8, 0, 0.3), (1.0, 0.2, 0.0), (3.0, 4.0, 5.0), [[-7.8, 0.06], FAR[1]], MASSES, 0.5),
     "hits a nose": ((0.8, 0, 0.02), (2.0, 0.1, 0.3), (5.0, 9.0, 7.0), HERE, SHORT, 0.5),
     "hits a nose fast": ((0.8, 0.5, 0.01), (9.0, 0.0, 0.0), STILL, HERE, SHORT, 0.1),
+    "hits a larger ball": ((-8, 0, 0.3), (1.0, 0.2, 0.0), (3.0, 4.0, 5.0), [[-7.8, 0.06], FAR[1]], SIZES, 0.5),
+    "rolls into a larger ball": ((-8, 0), (2.0, 0.1, 0.0), STILL, [[-7.8, 0.02], FAR[1]], SIZES, 0.5),
     "falls on a ball": ((0.3, 0.2, 0.2), STILL, STILL, [[0.3, 0.2], HERE[1]], SHORT, None),
     "hits a rail with jaws": ((1.0, 0.2, 0.02), (3.0, 1.0, 0.1), (5.0, 9.0, 7.0), HERE, JAWS, 0.12),
     "hits a tip": ((1.15, 0.585, 0.02), (2.0, -0.7, 0.3), (1.0, 2.0, 3.0), HERE, JAWS, 0.12),
@@ -388,6 +468,14 @@ FALLING = {  # where the cue ball is, its velocity and spin, the other balls, th
     "flies into a pocket with jaws": ((1.15, 0.515, 0.02), (1.0, 1.0, 0.3), STILL, HERE, JAWS, 0.5),
     "flies over a rail with jaws": ((1.1, 0.3, 0.05), (2.0, 0.5, 1.5), STILL, HERE, JAWS, 0.5),
 }
+
+
+def test_pit_moves_balls_of_two_sizes_apart_along_the_cloth():
+    shot = play([-0.5, 0], [2.0, 0.1], others=[[0.0, 0.02], FAR[1]], scene=SIZES, engine=Engine("pit", 0.02))
+    time = float(shot.events[shot.events["kind"] == "ball_ball"][0]["time"])
+    places = shot.at(time)
+    assert math.dist(places[0], places[1]) == pytest.approx(TOUCH, abs=1e-14)
+    assert not shot.heights_at(time).any()
 
 
 @pytest.mark.parametrize("name", FALLING)

@@ -208,6 +208,23 @@ def test_random_flights_of_balls_of_different_masses_agree_with_the_high_precisi
     assert sum(shot is not None for shot in shots) >= 6
 
 
+SIZES: Any = families.FAMILIES["rain of 6 balls of several sizes"]
+
+
+def test_random_flights_of_balls_of_several_sizes_agree_with_the_high_precision_simulator():
+    scene, places, velocities, spins = SIZES(np.random.default_rng(1), 12)
+    shots = [agrees(scene, *start) for start in zip(places, velocities, spins, strict=True)]
+    assert sum(shot is not None for shot in shots) >= 6
+
+
+@pytest.mark.parametrize("radii", [(0.024, 0.03), (0.035, 0.025)])
+@pytest.mark.parametrize("name", AIR)
+def test_a_flight_of_balls_of_two_sizes_agrees_with_the_high_precision_simulator(name, radii):
+    scene = dataclasses.replace(JUMP, balls=Balls(radii, (0.1, 0.2), shape="sphere"))
+    *places, start, spin, _ = AIR[name]
+    assert agrees(scene, np.array(places), np.array([start, (0, 0, 0)]), [spin, (0, 0, 0)], 1.0) is not None
+
+
 @pytest.mark.parametrize("name", ["falls on a ball", "hits a ball in the air"])
 @pytest.mark.parametrize("mass", [0.05, 0.6])
 def test_an_impact_in_the_air_of_balls_of_two_masses_agrees_with_the_high_precision_simulator(name, mass):
@@ -244,17 +261,19 @@ def test_random_flights_at_jaws_agree_with_the_high_precision_simulator(name):
 
 
 @pytest.mark.parametrize("signs", [(-1, 1, 1), (1, -1, 1)])
-@pytest.mark.parametrize("name", ["rain of 6 balls", "rain of 6 balls with jaws"])
+@pytest.mark.parametrize("name", ["rain of 6 balls", "rain of 6 balls with jaws", "rain of 6 balls of several sizes"])
 def test_flights_have_mirror_images_and_no_order_of_balls(signs, name):
     family: Any = families.FAMILIES[name]
     scene, places, velocities, spins = family(np.random.default_rng(1), 20)
     order, turns = np.array([0, 4, 2, 5, 1, 3]), np.prod(signs) * np.array(signs)
+    radius, mass = (tuple(np.array(part)[order].tolist()) for part in (scene.balls.radius, scene.balls.mass))
+    other = dataclasses.replace(scene, balls=dataclasses.replace(scene.balls, radius=radius, mass=mass))
     for start in zip(places, velocities, spins, strict=True):
         shot = simulate(scene, *start[:2], spins=start[2])
         at, moving, turning = (
             part[order] * factors for part, factors in zip(start, (signs, signs, turns), strict=True)
         )
-        image = simulate(scene, at, moving, spins=turning)
+        image = simulate(other, at, moving, spins=turning)
         assert (image.time, image.n_events, image.n_contact_rule) == (shot.time, shot.n_events, shot.n_contact_rule)
         assert image.positions.tolist() == (shot.positions[order] * signs[:2]).tolist()
         assert image.potted.tolist() == shot.potted[order].tolist()

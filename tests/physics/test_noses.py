@@ -1,6 +1,8 @@
 """Contact times of balls in the air and noses: none is missed, and none is found where there is none."""
 
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from hypothesis import strategies as st
 from billiards_env.engine.compile import scene_arrays
 from billiards_env.physics.geometry.contact import IMPULSE_ROUNDING
 from billiards_env.physics.geometry.noses import WALL, edge_time, nose_arrays, nose_time
+from billiards_env.physics.geometry.noses import noses_of as noses_of_ball
 from billiards_env.physics.geometry.outline_walls import outline_arrays
 from billiards_env.physics.motion import Path
 from billiards_env.scene import Scene, Table
@@ -18,12 +21,13 @@ from tests.helpers.outlines import ANY_TABLE, TABLES, free_places
 
 R, G = 0.03, 9.81
 NUMBERS = scene_arrays(Scene.named("pool", 0)).numbers
-INF = math.inf
+INF, H = math.inf, NUMBERS.cushion_height
 
 
-def noses_of(a_table, pockets=()):
+def noses_of(a_table, pockets=(), radii=(R,), ball=0):
     outline = outline_arrays(a_table.outline, a_table.length / 2, a_table.width / 2, ())
-    return nose_arrays(outline, R, NUMBERS, pockets)
+    kernel: Any = noses_of_ball
+    return kernel.py_func(ball, SimpleNamespace(noses=nose_arrays(outline, radii, NUMBERS, pockets)))
 
 
 def position(start, velocity, t):
@@ -148,3 +152,16 @@ def test_noses_end_at_the_circles_of_pockets():
             assert min(abs(p.distance((x, y))) for p in a_table.pockets) < 1e-15
             assert wall in [*noses.lines[:, WALL], *noses.tips[:, WALL]]
             assert clearance(a_table.outline, (x, y)) == pytest.approx(noses.inset, abs=1e-15)
+
+
+def test_each_ball_has_the_noses_of_its_radius():
+    """The pocket reaches the noses of large balls, but not that of a small one, which is farther from it."""
+    a_table, radii = TABLES["octagon"], (0.03, 0.02, 0.036, 0.02)
+    half, depths = a_table.width / 2, [radius - math.sqrt(radius**2 - (H - radius) ** 2) for radius in radii]
+    pockets = [(0.0, half + 0.05, 0.054)]
+    each = [noses_of(a_table, pockets, radii, ball) for ball in range(len(radii))]
+    assert len({len(noses.lines) for noses in each}) == 2
+    for radius, depth, noses in zip(radii, depths, each, strict=True):
+        (alone,) = [noses_of(a_table, pockets, (radius,))]
+        assert all(np.array_equal(*parts) for parts in zip(noses, alone, strict=True))
+        assert (noses.inset, noses.height) == pytest.approx((depth, H - radius))

@@ -9,6 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.reference.stress import checks, draw, families
+from billiards_env import simulate_batch
+from billiards_env.engine import Engine
 from tests.helpers.engine_runs import ORDINARY
 
 FLIGHTS = [name for name in families.FAMILIES if name.startswith(("jump", "rain", "stacks", "wedges"))]
@@ -32,6 +34,28 @@ def test_flights_of_balls_of_different_masses_pass_all_checks(name):
         heavy = dataclasses.replace(scene, balls=dataclasses.replace(scene.balls, mass=mass))
         result = checks.check_shots(heavy, places, velocities, spins)
         assert not result.bad(False).any(), result.findings
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0))
+def test_flights_of_balls_of_any_sizes_pass_all_checks(seed, spread):
+    """The energy never rises, the impacts exchange momentum, and no balls overlap."""
+    rng, family = np.random.default_rng(seed), cast(Any, families.FAMILIES["rain of 6 balls of several sizes"])
+    scene, *_ = family(rng, 1)
+    radius = 0.022 * 2.0 ** (spread * rng.random(6))
+    mass = 0.17 * 10.0 ** rng.uniform(-spread, spread, 6)
+    balls = dataclasses.replace(scene.balls, radius=tuple(radius.tolist()), mass=tuple(mass.tolist()))
+    shots: Any = families.rain(dataclasses.replace(scene, balls=balls))(rng, 4)
+    result = checks.check_shots(*shots)
+    assert not result.bad(False).any(), result.findings
+
+
+def test_flights_of_pit_come_to_rest():
+    """A small ball between a cushion and a larger ball once lifted it by its rounding in each timestep, without end."""
+    family: Any = families.FAMILIES["rain of 6 balls of several sizes"]
+    scene, places, velocities, spins = family(np.random.default_rng(3), 300)
+    batch = simulate_batch(scene, places, velocities, spins=spins, engine=Engine("pit", 1 / 60))
+    assert set(batch.status) == {"rest"}
 
 
 @pytest.mark.parametrize("seed", range(40))

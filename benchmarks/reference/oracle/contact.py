@@ -124,7 +124,7 @@ def _circle_rounding(reach: Real, speed: Real, noise: Real, push: Real, push_noi
 def pair_contact(world: World, ball: int, a: Segment, other: int, b: Segment, base: Real, high: Real) -> Contact:
     """Returns `next_contact` of two balls in [base, base + high]; times are relative to `base`."""
     velocities = a.velocity_at(base), b.velocity_at(base)
-    offset, velocity = minus(b.position_at(base), a.position_at(base)), minus(*velocities[::-1])
+    offset, velocity = world.offset(ball, other, a.position_at(base), b.position_at(base)), minus(*velocities[::-1])
     acceleration, reach = minus(b.acceleration, a.acceleration), world.reach(ball, other)
     speed = sum(map(norm, velocities))
     noise = a.noise + b.noise + world.tiny * speed
@@ -264,13 +264,14 @@ def edge_contact(world: World, ball: int, a: Segment, number: int, base: Real, h
 
 
 class FloatMotion:
-    """The motion of a segment after a base time, in floats."""
+    """The motion of the centre of a ball in a segment after a base time, in floats."""
 
     __slots__ = ("acceleration", "position", "velocity")
 
-    def __init__(self, a: Segment, base: Real) -> None:
+    def __init__(self, a: Segment, base: Real, radius: float) -> None:
         t = float(base - a.start)
         r, v, self.acceleration = (tuple(map(float, x)) for x in (a.position, a.velocity, a.acceleration))
+        r = (*r[:2], *(z + radius for z in r[2:]))
         self.position = tuple(x + t * (y + t * z / 2) for x, y, z in zip(r, v, self.acceleration, strict=True))
         self.velocity = tuple(y + t * z for y, z in zip(v, self.acceleration, strict=True))
 

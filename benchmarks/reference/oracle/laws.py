@@ -121,8 +121,17 @@ class World:
         return self.radius[j] - self.radius[i] if self.spheres else mpmath.mpf(0)
 
     def reach(self, i: int, j: int) -> Real:
-        """Returns the horizontal distance of the centres of balls i and j that touch, m (theorem of Pythagoras)."""
-        return mpmath.sqrt((self.radius[i] + self.radius[j]) ** 2 - self.rise(i, j) ** 2)
+        """Returns the distance of the centres of balls i and j that touch, m.
+
+        In scenes without flight it is the horizontal distance (theorem of Pythagoras).
+        """
+        rise = 0 if self.flight else self.rise(i, j)
+        return mpmath.sqrt((self.radius[i] + self.radius[j]) ** 2 - rise**2)
+
+    def offset(self, i: int, j: int, at: Vector, other: Vector) -> Vector:
+        """Returns the vector from the centre of ball i, which is at `at`, to that of ball j, which is at `other`, m."""
+        x, y, *heights = minus(other, at)
+        return (x, y, *(z + self.rise(i, j) for z in heights))
 
     def pocket_at(self, position: Vector) -> int | None:
         """Returns the pocket whose circle contains a position."""
@@ -579,7 +588,7 @@ def collide(
     hits: list[tuple[int, int]] = []
     normals = {}
     for i, j in contacts:
-        d = minus(positions[j], positions[i])
+        d = world.offset(i, j, positions[i], positions[j])
         normals[i, j] = tuple(x / norm(d) for x in d)
 
     def rate(pair: tuple[int, int]) -> Real:

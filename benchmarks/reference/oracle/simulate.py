@@ -293,7 +293,7 @@ class _Table:
     def motions(self) -> dict[int, contact.FloatMotion]:
         """Returns the motion of each ball in play after now, in floats."""
         return {
-            k: contact.FloatMotion(segment, self.now)
+            k: contact.FloatMotion(segment, self.now, self.radius[k])
             for k, segment in enumerate(self.current)
             if segment.phase != "potted"
         }
@@ -516,7 +516,7 @@ class _Table:
                 reach = self.reach[a][b]
                 if math.dist(motions[a].position, motion.position) > reach * (1 + 1e-9) + 1e-9:
                     continue
-                offset = minus(self.current[b].position_at(self.now), self.current[a].position_at(self.now))
+                offset = self.world.offset(a, b, *(self.current[k].position_at(self.now) for k in (a, b)))
                 if laws.norm(offset) - self.world.reach(a, b) <= CONTACT_GAP:
                     pairs.add(pair)
                     if b not in reached:

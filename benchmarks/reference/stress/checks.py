@@ -190,6 +190,18 @@ def _beyond_noses(noses, x, y, z, radius, scene):
     return max(beyond, radius - apart)
 
 
+@inlined
+def _touch(noses, i, j, higher, scene):
+    """Returns how much higher the centre of ball i is than that of ball j, and the distance at which they touch, m.
+
+    `higher` is the difference of their heights above the cloth, m. Without flight only horizontal distances count.
+    """
+    radius = scene.radius
+    if noses is None:
+        return 0.0, scene.space.contact_distance(i, j, scene)
+    return higher + radius[i] - radius[j], radius[i] + radius[j]
+
+
 @kernel
 def _check_positions(now, state, scene, places, findings):
     """Compares the positions of the balls at a `Time` with each other, the cushions, the pockets and the cloth."""
@@ -212,8 +224,8 @@ def _check_positions(now, state, scene, places, findings):
         findings[OUTSIDE] = max(findings[OUTSIDE], out)
         for j in range(i):
             if state.phase[j] != POTTED:
-                dx, dy, reach = x - places[j, X], y - places[j, Y], scene.space.contact_distance(i, j, scene)
-                dz = z - places[j, HEIGHT]
+                dx, dy = x - places[j, X], y - places[j, Y]
+                dz, reach = _touch(scene.noses, i, j, z - places[j, HEIGHT], scene)
                 if dx * dx + dy * dy + dz * dz < reach * reach:
                     findings[OVERLAP] = max(findings[OVERLAP], reach - norm(norm(dx, dy), dz))
 

@@ -72,11 +72,13 @@ def _jumps(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | N
     return shots
 
 
-def _rain(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | None]:
+def rain(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | None]:
     """Returns shots in which half of the balls are in the air at the start, and all move and spin."""
+    disks = dataclasses.replace(scene.balls, shape="disk")  # balls of any heights do not overlap
+    plan = dataclasses.replace(scene, balls=disks, physics=dataclasses.replace(scene.physics, flight=False))
 
     def shots(rng: np.random.Generator, m: int) -> RandomShots | None:
-        if (places := draw.layouts(scene, rng, m)) is None:
+        if (places := draw.layouts(plan, rng, m)) is None:
             return None
         heights = rng.uniform(-0.2, 0.2, (m, scene.n_balls)).clip(0.0)[..., None]
         heights[heights > 0.0] += 0.03  # above the noses
@@ -86,6 +88,10 @@ def _rain(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | No
     return shots
 
 
+SIZES = Balls((0.024, 0.03, 0.022, 0.04, 0.025, 0.035), (0.09, 0.17, 0.3, 0.35, 0.02, 0.1), shape="sphere")
+"""Six spheres of several sizes and masses."""
+
+
 def _rain_on_outline(rng: np.random.Generator, m: int) -> RandomShots | None:
     """Returns shots of `_rain` on a table with jaws that end in or in front of the pockets, or without pockets."""
     table = Table.named(str(rng.choice(["pool_7ft", "uk_7ft"])))
@@ -93,7 +99,7 @@ def _rain_on_outline(rng: np.random.Generator, m: int) -> RandomShots | None:
         table = dataclasses.replace(table, pockets=())
     scene = Scene.named("real_pool", 5)
     physics = dataclasses.replace(scene.physics, flight=True)
-    return _rain(dataclasses.replace(scene, table=table, physics=physics))(rng, m)
+    return rain(dataclasses.replace(scene, table=table, physics=physics))(rng, m)
 
 
 def _closed_box(n_balls: int) -> Scene:
@@ -222,11 +228,12 @@ FAMILIES: dict[str, Callable[[np.random.Generator, int], RandomShots | None]] = 
     "jaws without holes, 2 object balls": _scattered(_closed(Scene.named("pooltool_pool", 2))),
     "wild outlines": _wild_outline,
     "jump shots, 3 object balls": _jumps(_flying(Scene.named("pool", 3))),
-    "rain of 6 balls": _rain(_flying(Scene.named("pool", 5))),
+    "rain of 6 balls": rain(_flying(Scene.named("pool", 5))),
     "rain of 6 balls with jaws": _rain_on_outline,
     "stacks, exact": _stacks(None),
     "stacks, leaning": _stacks((1e-17, 0.2)),
     "wedges at a nose": _wedges,
+    "rain of 6 balls of several sizes": rain(_flying(dataclasses.replace(Scene.named("pool", 5), balls=SIZES))),
 }
 
 

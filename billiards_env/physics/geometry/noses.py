@@ -1,9 +1,10 @@
 """The noses of the cushions, which balls in the air meet: lines and arcs at one height.
 
 A nose is R - R cos(theta) nearer to the table than the line of its cushion, with the angle theta of `cushion.Nose`. So
-a ball on the cloth that touches the cushion touches the nose too. The nose of a tip of radius r is an arc of radius
-q = r + R - R cos(theta). There is no nose in the circle of a pocket: a nose ends where it meets this circle, and a ball
-may touch the end. A ball touches noses only from the side of the table.
+a ball on the cloth that touches the cushion touches the nose too. Balls of different size have different noses. The
+nose of a tip of radius r is an arc of radius q = r + R - R cos(theta). There is no nose in the circle of a pocket: a
+nose ends where it meets this circle, and a ball may touch the end. A ball touches noses only from the side of the
+table.
 
 The centre of a ball at a straight nose is on a cylinder, at an end on a sphere: the time is a root of a quartic. At a
 tip it is on a torus. With the horizontal distance d of the centre from the axis of the tip and its height z above the
@@ -68,7 +69,7 @@ _TOUCH = 1e-15
 
 
 class Noses(NamedTuple):
-    """The noses of a table for balls of one size.
+    """The noses of a table for a ball.
 
     Attributes:
         lines: (k, 8) float64, the straight noses, with the columns of `Outline.lines`.
@@ -85,15 +86,58 @@ class Noses(NamedTuple):
     height: float
 
 
-def nose_arrays(outline: Outline, radius: float, numbers: Any, pockets: Sequence[Sequence[float]]) -> Noses:
-    """Returns the `Noses` for balls of a radius, m.
+class NosesOfBalls(NamedTuple):
+    """The `Noses` of n balls, one ball after the other.
+
+    Attributes:
+        lines, tips, ends: The rows of these arrays of `Noses`.
+        bounds: (n + 1, 3) int64, the first row of each ball in these arrays, and their lengths.
+        inset: (n,) float64.
+        height: (n,) float64.
+    """
+
+    lines: Any
+    tips: Any
+    ends: Any
+    bounds: Any
+    inset: Any
+    height: Any
+
+
+@inlined
+def noses_of(i, scene):
+    """Returns the `Noses` for ball i."""
+    lines, tips, ends, bounds, inset, height = scene.noses
+    a, b = bounds[i], bounds[i + 1]
+    return Noses(lines[a[0] : b[0]], tips[a[1] : b[1]], ends[a[2] : b[2]], inset[i], height[i])
+
+
+def nose_arrays(
+    outline: Outline, radii: Sequence[float], numbers: Any, pockets: Sequence[Sequence[float]]
+) -> NosesOfBalls:
+    """Returns the `NosesOfBalls`.
 
     Args:
         outline: The `Outline`.
-        radius: m.
+        radii: (n,) m.
         numbers: The `Numbers`.
         pockets: (p, 3) x, y and radius of the circles of the pockets, m.
     """
+    by_radius = {radius: _noses(outline, radius, numbers, pockets) for radius in set(radii)}
+    each = [by_radius[radius] for radius in radii]
+    counts = [(0, 0, 0), *((len(noses.lines), len(noses.tips), len(noses.ends)) for noses in each)]
+    return NosesOfBalls(
+        lines=np.concatenate([noses.lines for noses in each]),
+        tips=np.concatenate([noses.tips for noses in each]),
+        ends=np.concatenate([noses.ends for noses in each]),
+        bounds=np.cumsum(counts, axis=0),
+        inset=np.array([noses.inset for noses in each]),
+        height=np.array([noses.height for noses in each]),
+    )
+
+
+def _noses(outline: Outline, radius: float, numbers: Any, pockets: Sequence[Sequence[float]]) -> Noses:
+    """Returns the `Noses` for a radius, m. The arguments are those of `nose_arrays`."""
     sin = numbers.cushion_height / radius - 1.0
     inset = radius * (1.0 - math.sqrt(1.0 - sin * sin))
     lines, tips = outline.lines.tolist(), outline.tips.tolist()
@@ -286,9 +330,9 @@ def edge_time(path, end, noses):
 
 
 @inlined
-def is_beyond_noses(x, y, scene):
+def is_beyond_noses(x, y, noses, scene):
     """Returns whether a point is farther out than the lines of the noses, which go on through the pockets."""
-    return scene.walls.deepest_overlap(x, y, scene.noses.inset, scene) >= 0
+    return scene.walls.deepest_overlap(x, y, noses.inset, scene) >= 0
 
 
 @inlined
@@ -351,11 +395,11 @@ def nose_normal(row, wall, noses):
 
 
 @inlined
-def is_free(place, radius, scene):
-    """Returns whether a ball at (x, y, z) is between the noses or over a pocket, and overlaps no nose."""
-    x, y, z = place[X], place[Y], place[2]
-    if is_beyond_noses(x, y, scene) and pocket_at(scene.pockets, x, y, 1.0) < 0:
+def is_free(i, place, scene):
+    """Returns whether ball i at (x, y, z) is between the noses or over a pocket, and overlaps no nose."""
+    x, y, z, noses = place[X], place[Y], place[2], noses_of(i, scene)
+    if is_beyond_noses(x, y, noses, scene) and pocket_at(scene.pockets, x, y, 1.0) < 0:
         return False
-    dx, dy = way_to_nose(x, y, -1, scene.noses)
-    below = z - scene.noses.height
-    return math.sqrt(dx * dx + dy * dy + below * below) >= radius - CONTACT_GAP
+    dx, dy = way_to_nose(x, y, -1, noses)
+    below = z - noses.height
+    return math.sqrt(dx * dx + dy * dy + below * below) >= scene.radius[i] - CONTACT_GAP
