@@ -35,7 +35,8 @@ def test_facts(log, expected):
 
 def test_the_cue_ball_may_have_another_number():
     facts = facts_in_words("cushion 2, hit 0 2, cushion 0, hit 1 2, cushion 2", cue=2)
-    expected = {"first": (0,), "touched": 2, "cushions_before_last": 1, "cushion_after": True, "driven": (0,)}
+    expected = {"first": (0,), "touched": 2, "cushions_before_last": 1}
+    expected |= {"cushion_after": True, "cue_driven": True, "driven": (0,)}
     assert {name: facts[name] for name in expected} == expected
 
 
@@ -102,6 +103,7 @@ NINE_BALL = [
     ({}, "hit 0 2 & hit 0 1, cushion 1", ruling()),  # a split hit counts as the legal ball first
     ({"on_table": (3, 9)}, "hit 0 2 & hit 0 1, cushion 1", ruling("wrong_ball", **ANYWHERE)),
     (BREAK, THREE, ruling("illegal_break", **ANYWHERE)),
+    (BREAK, "hit 0 1, pocket 2", ruling(continues=True, choices=("push_out",))),
     (BREAK, f"{THREE}, cushion 9", ruling(choices=("push_out",), break_shot=False)),
     (BREAK, f"{THREE}, pocket 9", won(continues=True)),
     (BREAK, "hit 0 1, pocket 0", ruling("scratch", **ANYWHERE)),
@@ -459,7 +461,7 @@ SNOOKER = [
     (COLOUR, f"hit 0 {PINK} & hit 0 {BLUE}", fouled("wrong_ball", 7)),
     (FREE, f"hit 0 1 & hit 0 {PINK}", ruling(), Call(PINK)),
     # The player plays away from a ball that touches the cue ball without moving it (3.8).
-    (RED_TOUCHES, "", ruling()),  # 3.8 c (i)
+    (RED_TOUCHES, "", ruling(touching=())),  # 3.8 c (i)
     (RED_TOUCHES, f"hit 0 {BLUE}", ruling()),
     (RED_TOUCHES, "cushion 0, hit 0 3", ruling()),
     (RED_TOUCHES, pot(4), scored(1, colour=True)),
