@@ -143,6 +143,12 @@ def test_straight_pool_special_racking_situations(case):  # 4.8
     assert positions[1:15].tolist() == (RACK[:14] if full else RACK[1:]).tolist()
 
 
+def test_all_balls_of_straight_pool_are_racked_after_three_fouls():  # 4.11
+    positions, state = after_shot(AWAY, range(1, 16), [], target=50, fouls=(2, 0, 0, 0))
+    assert positions[1:].tolist() == RACK.tolist()
+    assert (state.break_shot, IN_HAND[state.in_hand]) == (True, "behind")
+
+
 def boundary(area, circles, steps=360):
     """Returns points on the edges of an area and on circles, (k, 2)."""
     angles, shares = 2 * np.pi * np.arange(steps) / steps, np.linspace(0.0, 1.0, steps)
@@ -202,6 +208,7 @@ AWAY_3 = [(-0.3, 0.2), (0.4, 0.3), (0.5, -0.4)]
 STRUCK_2, RERACK = {"player": 1, "cue_balls": (2, 0)}, Call(kind="rerack")
 SET_UP = [
     # the game, its state, the shot or the call, then: the place of each ball; None for one that stays
+    ("carom", {}, "hit 0 1", [None, None, None]),
     ("carom", {}, "off 1", [HEAD_SPOT, FOOT_SPOT, START]),  # UMB, art. 28, paper F
     ("carom", STRUCK_2, "off 2", [START, FOOT_SPOT, HEAD_SPOT]),
     ("three_cushion", {}, "off 1", [None, FOOT_SPOT, None]),

@@ -151,6 +151,8 @@ GAME_FAULTS = [
     ("strokes.3.velocity", [1.0], r"strokes\[3\].velocity = \[1.0\]"),
     ("strokes.0.velocity.0", 1e200, r"strokes\[0\].velocity\[0\] = .*: expected a number from -1000 to 1000 m/s"),
     ("strokes.3.spin.2", 1e9, r"strokes\[3\].spin\[2\] = 1000000000.0"),
+    ("strokes.0.call.ball", 10, r"strokes\[0\].call.ball = 10: expected a whole number from -1 to 9"),
+    ("strokes.0.call.kind", "pass", r"strokes\[0\].call.kind = 'pass'"),
     ("strokes.0.place", [None, 0], r"strokes\[0\].place\[0\] = None"),
     ("version", 1, "version = 1: expected 2"),
     ("state.idle", DROP, "key 'idle' of state is missing"),

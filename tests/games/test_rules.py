@@ -35,7 +35,8 @@ def test_facts(log, expected):
 
 def test_the_cue_ball_may_have_another_number():
     facts = facts_in_words("cushion 2, hit 0 2, cushion 0, hit 1 2, cushion 2", cue=2)
-    expected = {"first": (0,), "touched": 2, "cushions_before_last": 1, "cushion_after": True, "driven": (0,)}
+    expected = {"first": (0,), "touched": 2, "cushions_before_last": 1}
+    expected |= {"cushion_after": True, "cue_driven": True, "driven": (0,)}
     assert {name: facts[name] for name in expected} == expected
 
 
@@ -102,6 +103,7 @@ NINE_BALL = [
     ({}, "hit 0 2 & hit 0 1, cushion 1", ruling()),  # a split hit counts as the legal ball first
     ({"on_table": (3, 9)}, "hit 0 2 & hit 0 1, cushion 1", ruling("wrong_ball", **ANYWHERE)),
     (BREAK, THREE, ruling("illegal_break", **ANYWHERE)),
+    (BREAK, "hit 0 1, pocket 2", ruling(continues=True, choices=("push_out",))),
     (BREAK, f"{THREE}, cushion 9", ruling(choices=("push_out",), break_shot=False)),
     (BREAK, f"{THREE}, pocket 9", won(continues=True)),
     (BREAK, "hit 0 1, pocket 0", ruling("scratch", **ANYWHERE)),
@@ -117,6 +119,7 @@ NINE_BALL = [
     (PUSH | {"fouls": (2, 0)}, "hit 0 5, off 5", won(1, "driven_off", **ANYWHERE), PUSH_OUT),  # only 6.2, 6.3 are off
     ({"player": 1}, "hit 0 1, hit 1 9, pocket 9", won(1, continues=True)),
     ({"fouls": (1, 2), "player": 1}, "cushion 0", won(0, "no_hit", **ANYWHERE, fouls=(1, 3))),
+    ({"fouls": (1, 0)}, "cushion 0", MISS | {"fouls": (2, 0)}),
     ({"players": 3, "fouls": (2, 0, 0)}, "", MISS | {"player": 1}),  # 2.8: with two players alone
     ({"players": 3, "player": 2}, "", MISS | {"player": 0}),
     ({"idle": 5}, "hit 0 1, cushion 1", ruling(idle=6)),  # 1.12
@@ -151,7 +154,6 @@ EIGHT_BALL = [
     ({}, "hit 0 5, cushion 5", ruling()),
     ({}, "hit 0 8, cushion 8", ruling("wrong_ball", **ANYWHERE)),
     ({}, "hit 0 3, pocket 3, pocket 0", ruling("scratch", **ANYWHERE, on_table=(0, 1, 2, *range(4, 16)))),
-    ({"solids": 0}, "hit 0 7, cushion 7", ruling(solids=0)),
     ({"solids": 1}, "hit 0 7, cushion 7", ruling("wrong_ball", **ANYWHERE, solids=1)),
     ({"solids": 0}, "hit 0 1, off 3", ruling("driven_off", **ANYWHERE, solids=0)),  # 3.7: it stays off
     (BREAK, "hit 0 1, pocket 3", ruling(continues=True)),  # the table stays open
@@ -221,6 +223,8 @@ STRAIGHT = [
     # The balls are racked again with one ball left (4.4), and after the third consecutive foul (4.11).
     (LAST_TWO, POT_3, ruling(points=1, continues=True, rack="rest"), Call(3, 5)),
     (LAST_TWO | {"on_table": (3, 8, 9)}, POT_3, ruling(points=1, continues=True), Call(3, 5)),
+    ({"target": 50, "fouls": (1, 0)}, "", ruling("no_hit", -1, fouls=(2, 0))),
+    ({"fouls": (2, 0)}, "", ruling("no_hit", -1)),  # only in a game with a target
     (
         *(THREE_FOULS, ""),
         ruling("no_hit", -16, continues=True, **BEHIND, rack="all", scores=(-13, 9), fouls=(0, 0), break_shot=True),
@@ -243,17 +247,14 @@ ONE_POCKET = [
     # Only a ball in the own pocket scores and continues (3.1): pocket 2 of player 0, and pocket 3 of player 1.
     ({}, "hit 0 3, pocket 3 2", ruling(points=1, continues=True)),
     ({"player": 1}, "hit 0 3, pocket 3 3", ruling(points=1, continues=True)),
-    ({}, "hit 0 3, hit 3 5, pocket 5 2, pocket 9 2", ruling(points=2, continues=True)),
     ({}, "hit 0 3, pocket 3 3", ruling(penalty=1)),
     ({"player": 1}, "hit 0 3, pocket 3 2", ruling(penalty=1)),
     ({}, "hit 0 3, pocket 3 2, pocket 4 3", ruling(points=1, penalty=1, continues=True)),
     # Balls in the other four pockets are spotted (1).
-    ({}, "hit 0 3, pocket 3 0", ruling(spotted=(3,))),
     ({}, "hit 0 3, pocket 3 2, pocket 4 1, pocket 5 5", ruling(points=1, continues=True, spotted=(4, 5))),
     # The break needs what every shot needs (2.2), and may touch a cushion first.
     ({"break_shot": True}, "cushion 0, hit 0 1, cushion 1", ruling()),
     ({"break_shot": True}, "hit 0 1", ruling("no_cushion", -1)),
-    ({"break_shot": True}, "hit 0 1, pocket 0", ruling("scratch", -1, **BEHIND)),
     # A foul costs a point; a player who has one spots a ball (6.2). The cue ball stays, except after a scratch (6.3).
     ({}, "", ruling("no_hit", -1)),
     ({}, "hit 0 1, off 3", ruling("driven_off", -1, spotted=(3,))),
@@ -269,7 +270,6 @@ ONE_POCKET = [
     ({"scores": (-1, 0)}, "hit 0 3, pocket 5 2, pocket 3 2", ruling(points=2, continues=True, spotted=(3,))),
     ({"scores": (-2, 0)}, "hit 0 3, pocket 5 2, pocket 3 2", ruling(points=2, continues=True, spotted=(3, 5))),
     ({"scores": (0, -1)}, "hit 0 3, pocket 3 3", ruling(penalty=1, spotted=(3,))),
-    ({"scores": (-1, 0)}, "", ruling("no_hit", -1)),
     ({"scores": (7, 7), "target": 0}, "hit 0 3, pocket 3 2", ruling(points=1, continues=True)),
     ({"fouls": (2, 0), "target": 0}, "", ruling("no_hit", -1)),
     # The end (3.2, 7).
@@ -291,7 +291,6 @@ BANK_POOL = [
     ({}, LEGAL_HIT, ruling()),
     # A ball that hits a cushion before the pot scores (1, 3.2). Others are spotted.
     ({}, BANK, POINT),
-    ({}, "hit 0 3, cushion 3, cushion 3, pocket 3", POINT),
     ({}, "hit 0 3, pocket 3", ruling(spotted=(3,))),
     ({}, f"{BANK}, pocket 4", ruling(points=1, continues=True, spotted=(4,))),
     ({}, "cushion 0, hit 0 3, cushion 3, pocket 3", ruling(spotted=(3,))),  # a kick
@@ -304,17 +303,14 @@ BANK_POOL = [
     # The called ball scores in the called pocket (3.1).
     (CALLED, BANK, POINT, Call(3, 5)),
     (CALLED, BANK, ruling(spotted=(3,)), Call(3, 4)),
-    (CALLED, BANK, ruling(spotted=(3,)), Call(4, 5)),
     (CALLED, BANK, ruling(spotted=(3,))),
     (CALLED, BANK, ruling(spotted=(3,)), Call(3, 5, "safety")),
     (CALLED, "hit 0 3, pocket 3 5", ruling(spotted=(3,)), Call(3, 5)),
     (CALLED, TWO_BANKS, ruling(points=1, continues=True, spotted=(3,)), Call(5, 1)),
     # A foul costs a point and a ball; a player without a point owes it (11).
     ({}, "", ruling("no_hit", -1)),
-    ({}, "hit 0 3", ruling("no_cushion", -1)),
     ({}, "hit 0 1, off 3", ruling("driven_off", -1, spotted=(3,))),
     (THREE_POTTED | {"scores": (2, 0)}, "", ruling("no_hit", -1, spotted=(1,))),
-    (THREE_POTTED | {"scores": (0, 2)}, "", ruling("no_hit", -1)),
     ({}, f"{BANK}, pocket 0", ruling("scratch", -1, **BEHIND, spotted=(3,))),
     ({"break_shot": True}, "hit 0 1, pocket 1, pocket 0", ruling("scratch", -1, **BEHIND, spotted=(1,))),
     ({"scores": (-1, 0)}, BANK, ruling(points=1, continues=True, spotted=(3,))),
@@ -333,7 +329,6 @@ BLACKBALL = [
     # 4b (simplified), 4d (simplified), 4e
     (BREAK, "hit 0 1, cushion 1, cushion 2", ruling()),
     (BREAK, "hit 0 8, pocket 9", ruling(continues=True)),
-    (BREAK, "hit 0 1, pocket 3, pocket 4", ruling(continues=True)),
     (BREAK, "hit 0 1, cushion 1", ruling("illegal_break")),
     (BREAK, "hit 0 1", ruling("no_cushion")),
     (BREAK, "", ruling("no_hit")),
@@ -351,22 +346,18 @@ BLACKBALL = [
     (REDS, "hit 0 3, cushion 3", ruling(solids=0)),
     (REDS, "hit 0 3", ruling("no_cushion", solids=0)),  # 5d
     (REDS, "hit 0 9, cushion 9", ruling("wrong_ball", solids=0)),
-    (REDS, "hit 0 8, cushion 8", ruling("wrong_ball", solids=0)),
     (REDS, "cushion 0", ruling("no_hit", solids=0)),
     (REDS, "hit 0 3, pocket 3, pocket 0", ruling("scratch", solids=0, **BEHIND)),
     (REDS, "hit 0 3, pocket 3, off 0", ruling("scratch", solids=0, **BEHIND)),
     (REDS, "hit 0 1, off 3", ruling("driven_off", solids=0, spotted=(3,))),
-    (ON_BLACK, "hit 0 9, cushion 9", ruling("wrong_ball", solids=0)),
     # Balls of the other group alone are a foul; together with balls of the own group they are not.
     (REDS, "hit 0 3, pocket 9", ruling("wrong_pot", solids=0)),
     (REDS, "hit 0 3, pocket 9, pocket 3", ruling(continues=True, solids=0)),
     (ON_BLACK, "hit 0 8, pocket 9", ruling("wrong_pot", solids=0)),
     # A free shot may touch and pot any ball (6b), and the visit follows (6a). It does not decide the groups (4f).
     (FREE, "hit 0 8, pocket 3", ruling(continues=True)),
-    (FREE, "hit 0 3, pocket 9", ruling(continues=True)),
     (FREE_REDS, "hit 0 9, pocket 9", ruling(continues=True, solids=0)),
     (FREE_REDS, "hit 0 9, cushion 9", ruling(continues=True, solids=0)),
-    (FREE_REDS, "hit 0 9", ruling("no_cushion", solids=0)),
     (FREE_REDS, "hit 0 9, pocket 9, pocket 0", ruling("scratch", solids=0, **BEHIND)),
     (FREE_BLACK, "hit 0 9, cushion 9", ruling(continues=True, solids=0)),
     # The end (7b).
@@ -379,7 +370,6 @@ BLACKBALL = [
     (FREE_BLACK, "hit 0 9, hit 9 8, pocket 8", won(solids=0)),
     (REDS, "hit 0 3, pocket 8", won(1, solids=0)),
     (FREE_REDS, "hit 0 8, pocket 8", won(1, solids=0)),
-    ({}, "hit 0 3, pocket 8", won(1)),
     ({"solids": 0, "on_table": (0, 1, 8, 9)}, "hit 0 1, pocket 1, pocket 8", won(1, solids=0)),  # with the last red
 ]
 
@@ -471,7 +461,7 @@ SNOOKER = [
     (COLOUR, f"hit 0 {PINK} & hit 0 {BLUE}", fouled("wrong_ball", 7)),
     (FREE, f"hit 0 1 & hit 0 {PINK}", ruling(), Call(PINK)),
     # The player plays away from a ball that touches the cue ball without moving it (3.8).
-    (RED_TOUCHES, "", ruling()),  # 3.8 c (i)
+    (RED_TOUCHES, "", ruling(touching=())),  # 3.8 c (i)
     (RED_TOUCHES, f"hit 0 {BLUE}", ruling()),
     (RED_TOUCHES, "cushion 0, hit 0 3", ruling()),
     (RED_TOUCHES, pot(4), scored(1, colour=True)),
