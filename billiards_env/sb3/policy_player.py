@@ -24,12 +24,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.actions import action_named
 from billiards_env.games import GAMES, GameState, Setup, Stroke, members
 from billiards_env.games.game_state import NOT_IN_HAND, changed
 from billiards_env.players.env_player import begin_at
 from billiards_env.players.named import PlayerEntry
-from billiards_env.players.situation import PLACES, Player, Situation, draw_places, game_situation, placed
+from billiards_env.players.situation import PLACES, Noise, Player, Situation, draw_places, game_situation, placed
 from billiards_env.players.strategies import best_of
 from billiards_env.sb3.aim_network import Mixture
 from billiards_env.sb3.aim_policy import AimPolicy, arguments_of
@@ -172,12 +173,13 @@ def _in_games(argument: str, setup: Setup) -> tuple[Prepare, Propose]:
         raise ValueError(
             f"player = 'policy:{argument}': expected a policy trained without observed physics, strikes or a goal"
         )
+    if isinstance(model, AimPolicy) and base.model.setup is not None and base.task == setup.rules:
+        noise = read_settings(folder / "config.yaml", "the settings of a run")["noise"]
+        return _in_its_game(model, base, (noise["angle_std"], noise["speed_std"]) if noise else (0.0, 0.0))
 
     def propose(situation: Situation, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
         setup, game = situation.find_game()
-        if own_game:
-            actions = proposals(model, situation.observation, count, rng)
-        elif isinstance(model, AimPolicy):
+        if isinstance(model, AimPolicy):
             actions = _aimed(model, situation.table, count, rng)
         else:
             balls = situation.table.nearest()[0] if setup.game_rules.pockets else members(game.state.object_balls)
@@ -185,27 +187,29 @@ def _in_games(argument: str, setup: Setup) -> tuple[Prepare, Propose]:
             actions = proposals(model, observation, count, rng)
         return base.max_speed / situation.table.max_speed * actions
 
-    own_game = isinstance(model, AimPolicy) and base.model.setup is not None and base.task == setup.rules
-    if not own_game:
-        return placed, propose
-    noise = read_settings(folder / "config.yaml", "the settings of a run")["noise"]
-    expected = (noise["angle_std"], noise["speed_std"]) if noise else (0.0, 0.0)
+    return placed, propose
+
+
+def _in_its_game(model: AimPolicy, env: BilliardsEnv, noise: Noise) -> tuple[Prepare, Propose]:
+    """Returns the functions of a policy in the game of its training, under the noise of its training."""
 
     def prepare(situation: Situation, rng: np.random.Generator) -> Situation:
-        """Places a cue ball in hand and rates shots by the critic."""
         (setup, game), fastest = situation.find_game(), situation.table.max_speed
-        observation = begin_at(base, game)
+        observation = begin_at(env, game)
         if game.state.in_hand:
             places, positions = draw_places(setup, game, rng, PLACES), game.positions.copy()
             (best,) = model.best_places(np.array([places]), **model.seen(torch.as_tensor(observation)[None]))
             positions[situation.table.cue] = places[best]
             situation = game_situation(setup, GameState(positions, game.state), fastest, place=places[best])
-            observation = begin_at(base, GameState(positions, changed(game.state, in_hand=NOT_IN_HAND)))
-        return situation._replace(
-            observe=lambda: observation,
-            rate=lambda actions: model.returns(base.try_actions(fastest / base.max_speed * actions)),
-            noise=expected,
-        )
+            observation = begin_at(env, GameState(positions, changed(game.state, in_hand=NOT_IN_HAND)))
+
+        def rate(actions: NDArray[np.float64]) -> NDArray[np.float64]:
+            return model.returns(env.try_actions(fastest / env.max_speed * actions))
+
+        return situation._replace(observe=lambda: observation, rate=rate, noise=noise)
+
+    def propose(situation: Situation, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+        return env.max_speed / situation.table.max_speed * proposals(model, situation.observation, count, rng)
 
     return prepare, propose
 
@@ -229,7 +233,8 @@ def _aimed(model: AimPolicy, table: Tables, count: int, rng: np.random.Generator
     places = torch.tensor(table.positions[0] / np.array(model.game.scene.half_extents), dtype=torch.float32)
     observed = places[np.insert(seen, 0, table.cue, axis=1)]
     with torch.no_grad():
-        mixtures, values = model.net(observed, flags, legal_balls=flags.float(), shots_left=torch.ones(len(seen)))
+        others = {"shots_left": torch.ones(len(seen)), "in_hand": torch.zeros(len(seen), 2)}
+        mixtures, values = model.net(observed, flags, legal_balls=flags.float(), **others)
         first = mixtures.mode()[values.argmax()].clamp(-1, 1).numpy().astype(np.float64)[None]
         if count == 1:
             return first

@@ -313,7 +313,7 @@ def test_a_game_goes_on_from_any_shot_of_the_policy(imitation, monkeypatch):
         own = one.states.reshape(64, -1)[:, -4:]
         assert not learner._over.any()
         assert all((own[k]["positions"] == after[k]["positions"]).all((1, 2)).any() for k in range(64))
-    assert set(after["game"]["player"]) == {0, 1}
+    assert set(learner._envs.get_state()["game"]["player"]) == {0, 1}
 
 
 def test_the_cue_ball_in_hand_is_placed_where_the_value_is_largest(monkeypatch):

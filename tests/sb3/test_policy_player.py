@@ -289,6 +289,8 @@ def test_a_policy_of_a_game_chooses_the_place_of_the_cue_ball_and_the_shot_by_th
         return best_of(situation, actions, rng)
 
     monkeypatch.setattr(policy_player, "best_of", best)
+    config = (folder / "config.yaml").read_text()
+    (folder / "config.yaml").write_text(config.replace("noise: null", "noise: {angle_std: 1.0, speed_std: 0.2}"))
     game = setup("eight_ball")
     table = opening(game, RNG(2), "random")
     table = GameState(table.positions, changed(table.state, in_hand=ANYWHERE))
@@ -302,16 +304,6 @@ def test_a_policy_of_a_game_chooses_the_place_of_the_cue_ball_and_the_shot_by_th
     expected = np.where(shoots, y + TURN, -y)[known]
     assert {False, True} == set(shoots[known])
     (situation,) = situations
+    assert situation.noise == (1.0, 0.2)  # that of the training
     assert situation.rate(actions)[known] == pytest.approx(expected, abs=1e-6)
     assert np.hypot(*stroke.velocity) <= 4.0 * (1 + 1e-6)
-
-
-def test_a_policy_of_a_game_expects_the_noise_of_its_training(tmp_path, monkeypatch):
-    folder, *_ = untrained(tmp_path, task="eight_ball", n_players=2, can_place=False)
-    config = (folder / "config.yaml").read_text()
-    (folder / "config.yaml").write_text(config.replace("noise: null", "noise: {angle_std: 1.0, speed_std: 0.2}"))
-    expected = []
-    monkeypatch.setattr(policy_player, "best_of", lambda situation, *_: expected.append(situation.noise))
-    game = setup("eight_ball")
-    policy(f"{folder}:2", game)(game_situation(game, opening(game, RNG(2)), 8.0), RNG(0))
-    assert expected == [(1.0, 0.2)]
