@@ -10,6 +10,7 @@ import torch
 from agents import train as module
 from agents.config import Config, load
 from agents.likelihood import LikelihoodTraining, corrections, easy_pots, labels_of, random_hits, scores
+from agents.ppo import make_evaluation
 from billiards_env.players.strategies import hits
 from billiards_env.sb3 import load_policy
 from billiards_env.sb3.aim_policy import TURN
@@ -361,3 +362,10 @@ def test_some_of_the_random_hits_of_a_game_are_pots_by_geometry(monkeypatch):
     learner.update()
     scored = scores(envs, played[0]).reshape(64, 16).mean(0)
     assert scored[:6].mean() > 2 * scored[6:].mean()
+
+
+def test_a_rival_plays_the_other_turns_when_a_policy_of_a_game_is_measured():
+    envs: Any = make_evaluation(Config.from_dict(GAME), 3)
+    envs.reset(seed=0)
+    infos = envs.step(np.full((3, 2), 0.1))[-1]
+    assert (infos["next_player"] == envs.seats).all()
