@@ -149,7 +149,12 @@ def rows() -> dict[str, dict[str, Any]]:
     content = read_settings(LEARNING, "settings")
     defaults = content["defaults"]
     return {
-        name: {"plays": [row["task"]], **defaults, **row, "env": {**defaults["env"], **row.get("env", {})}}
+        name: {
+            "plays": [row["task"]] if "task" in row else [],
+            **defaults,
+            **row,
+            "env": {**defaults["env"], **row.get("env", {})},
+        }
         for name, row in content["rows"].items()
     }
 

@@ -16,7 +16,7 @@ import torch
 from stable_baselines3.common.policies import BasePolicy
 
 from agents.config import Config, load
-from agents.ppo import deterministic, make_env, make_vector
+from agents.ppo import deterministic, make_env, make_evaluation
 from agents.train import learning_curve
 from billiards_env.bench.evaluation import evaluation_seeds, measure, play_together, row_printer
 from billiards_env.commands import Parser, all_jobs, ending
@@ -77,7 +77,7 @@ def evaluate(run_dir: Path, episodes: int | None = None, seed: int | None = None
     episodes = integer("episodes", config.evaluation_episodes if episodes is None else episodes, "num_envs")
     seed = integer("seed", config.seed if seed is None else seed, Range(0, 2**32 - 1))
     seeds = evaluation_seeds(seed, episodes).tolist()
-    envs = make_vector(config, episodes)
+    envs = make_evaluation(config, episodes)
     envs.action_space.seed(seed)
     result = {
         "seed": seed,

@@ -24,6 +24,12 @@ likely. A return below 0 counts as 0.
 In an episode of several shots the return of a shot is its reward plus the value of the position after it. The critic of
 the policy learns this value from the mean returns. The next update plays on from one of the shots that score, drawn at
 random. If no shot scores, or those that score end the episode, a new episode begins.
+
+In a game of two players the policy plays both. The value of a position is that of the player to shoot, from -1 for a
+lost game to 1 for a won game. If the other player has the next shot, the value counts negative in the return (zero sum,
+as in negamax). Returns are compared with -1 in place of 0. A shot scores if the player has the next shot or wins, and
+the next update plays on from any shot of the policy. A cue ball in hand is placed at the one of some random places with
+the largest value.
 """
 
 from __future__ import annotations
@@ -43,10 +49,16 @@ from agents.ppo import make_policy, make_vector, training_seed
 from billiards_env.envs import BilliardsVectorEnv
 from billiards_env.envs.goal_observations import ACHIEVED, CONDITION
 from billiards_env.envs.trials import Outcomes
-from billiards_env.players.strategies import hits
+from billiards_env.games import GameState
+from billiards_env.games.game_state import NOT_IN_HAND
+from billiards_env.physics.state import CUE_BALL
+from billiards_env.players.situation import PLACES, draw_places
+from billiards_env.players.strategies import hits, padded
+from billiards_env.pots.finder import DX, DY, SPEED, SPEEDS, find_pots
 from billiards_env.sb3.aim_network import Mixture
-from billiards_env.sb3.aim_policy import AimPolicy
+from billiards_env.sb3.aim_policy import AimPolicy, keeps_turn
 from billiards_env.sb3.weights import whole_archive
+from billiards_env.shots.tables import Tables
 from billiards_env.support.files import replacing
 
 if TYPE_CHECKING:
@@ -95,13 +107,16 @@ class LikelihoodTraining(Training):
         self.policy.end_schedules()
         self._config, self._settings = config, config.settings
         self._has_goal, self._goes_on = config.env["goal_radius"] is not None, config.env["max_shots"] > 1
+        self._is_game = config.env["n_players"] > 1
+        self._least = -1.0 if self._is_game else 0.0  # the least return
         if self._has_goal and not set(self.policy.observe) <= {"positions", "goal"}:
             raise ValueError(
                 f"env.observe = {self.policy.observe}: expected only 'positions' and 'goal' in a task with a goal"
             )
-        observe = "goal" if self._has_goal else self.policy.observe
+        observe = "goal" if self._has_goal else config.env["observe"]
         self._envs: Any = make_vector(config, self._settings["layouts"], observe=observe).unwrapped
         self._over, self._observations = np.ones(self._settings["layouts"], np.bool_), None
+        self._in_hand: tuple[Tensor, Seen] | None = None
         self._log_std = nn.Parameter(self.policy.net.std.log())
         parameters = [*self.policy.net.parameters(), self._log_std]
         # Each phase has its own moments, because the gradients differ in size.
@@ -131,11 +146,35 @@ class LikelihoodTraining(Training):
             group["lr"] = (last + (first - last) * (1.0 - part)) * (_SLOWER if improves else 1.0)
         if self._over.any():
             self._observations, _ = self._envs.reset(options={"reset_mask": self._over})
-        outcomes = (self._improve if improves else self._imitate)(self._seen(self._observations))
+        seen, self._in_hand = self._seen(self._observations), None
+        if self._is_game:
+            self._place(seen)
+        outcomes = (self._improve if improves else self._imitate)(seen)
         scored = scores(self._envs, outcomes).reshape(settings["layouts"], -1)
+        own = settings["samples" if improves else "own"]
         if self._goes_on:
-            self._go_on(outcomes, scored)
-        return float(scored[:, -settings["samples" if improves else "own"] :].mean())
+            self._go_on(outcomes, np.arange(scored.shape[1]) >= scored.shape[1] - own if self._is_game else scored)
+        return float(scored[:, -own:].mean())
+
+    def _place(self, seen: Seen) -> None:
+        """Places each cue ball in hand at the one of several random places with the largest value.
+
+        `seen` changes. `_in_hand` has its rows from before.
+        """
+        states, setup, policy = self._envs.get_state(), self._envs.single_env.model.setup, self.policy
+        rows = np.flatnonzero(states["game"]["in_hand"])
+        if not len(rows):
+            return
+        states, before = states[rows], {name: feature[rows] for name, feature in seen.items()}
+        games = [GameState(*game) for game in zip(states["positions"], states["game"], strict=True)]
+        places = np.array([draw_places(setup, game, self._rng, PLACES) for game in games])
+        chosen = places[np.arange(len(rows)), policy.best_places(places, **before)]
+        states["positions"][:, CUE_BALL], states["game"]["in_hand"] = chosen, NOT_IN_HAND
+        self._envs.set_state(states, rows)
+        seen["positions"][rows, 0] = torch.from_numpy(chosen / policy.game.scene.half_extents).float()
+        if "in_hand" in seen:
+            seen["in_hand"][rows] = 0.0
+        self._in_hand = torch.from_numpy(rows), before
 
     def _imitate(self, seen: Seen) -> Outcomes:
         """Makes the shots that score more likely: random hits, shots of the policy and shots of earlier updates."""
@@ -149,7 +188,11 @@ class LikelihoodTraining(Training):
         with torch.no_grad():
             sampled = mixtures(torch.arange(count), seen.get("goal")).samples(own).clamp(-1, 1).numpy()
         legal = seen["legal_balls"].numpy() > 0 if "legal_balls" in seen else None
-        shots = np.concatenate((random_hits(envs, self.policy, settings["hits"], rng, legal), sampled), axis=1)
+        random = random_hits(envs, self.policy, settings["hits"], rng, legal)
+        if settings["pots"]:
+            easy = padded(easy_pots(envs, min(settings["pots"], settings["hits"]), rng), random.shape[2])
+            random[:, : easy.shape[1]] = np.where(easy.any(2, keepdims=True), easy, random[:, : easy.shape[1]])
+        shots = np.concatenate((random, sampled), axis=1)
         outcomes = self._play(shots)
         labels = labels_of(envs, shots, outcomes, settings["labels"], rng)
         if len(labels.rows):
@@ -159,7 +202,7 @@ class LikelihoodTraining(Training):
                 earlier, labels = self._kept[rng.integers(len(self._kept))]
                 self._fit(self._mixtures(earlier), labels)
         if self._goes_on:
-            self._step(-self._error(self.policy.net.layouts(**seen)[1], self._returns(outcomes, own)), 0)
+            self._step(-self._error(self.policy.net.values(**seen), self._returns(outcomes, own)), 0)
         return outcomes
 
     @torch.no_grad()
@@ -207,7 +250,7 @@ class LikelihoodTraining(Training):
         outcomes = self._play(shots.numpy())
         returns = self._returns(outcomes, count)
         mean = returns.mean(1, keepdim=True)
-        advantages = (returns - mean) / mean.clamp(min=_WORTH)
+        advantages = (returns - mean) / (mean - self._least).clamp(min=_WORTH)
         logs = mixture.repeated(count).log_prob(shots.flatten(0, 1)).clamp(min=_LEAST_LOG)
         objective = (advantages.flatten() * logs).mean()
         self._step(objective - self._error(values, returns) if self._goes_on else objective, 1)
@@ -233,17 +276,30 @@ class LikelihoodTraining(Training):
         """Computes the returns (m, count) of the last `count` shots from each layout."""
         returns = self.policy.returns(outcomes) if self._goes_on else outcomes.rewards
         returns = returns.reshape(self._settings["layouts"], -1)[:, -count:]
-        return torch.from_numpy(returns).float().clamp(min=0)
+        return torch.from_numpy(returns).float().clamp(min=self._least)
 
     def _error(self, values: Tensor, returns: Tensor) -> Tensor:
-        """Returns the error of the values (m,) for the mean returns, with its weight."""
-        return _CRITIC * (values - returns.mean(1)).square().mean()
+        """Returns the error of the values (m,) for the mean returns, with its weight.
 
-    def _go_on(self, outcomes: Outcomes, scored: Bools) -> None:
-        """Sets each environment to the state after one of its shots that score and do not end the episode."""
-        over = outcomes.terminated.reshape(scored.shape)
-        chances = self._rng.random(scored.shape) * (scored & ~over)
-        chosen = np.arange(len(scored)) * scored.shape[1] + chances.argmax(1)
+        The value of a layout with the cue ball in hand is that of its best place.
+        """
+        means = returns.mean(1)
+        error = (values - means).square().mean()
+        if self._in_hand is not None:
+            rows, before = self._in_hand
+            error = error + (self.policy.net.values(**before) - means[rows]).square().sum() / len(means)
+        return _CRITIC * error
+
+    def _go_on(self, outcomes: Outcomes, allowed: Bools) -> None:
+        """Sets each environment to the state after one of its allowed shots that do not end the episode.
+
+        Args:
+            outcomes: The outcomes of m * k shots.
+            allowed: (m, k), or (k,) for all environments.
+        """
+        ongoing = ~outcomes.terminated.reshape(self._settings["layouts"], -1)
+        chances = self._rng.random(ongoing.shape) * (allowed & ongoing)
+        chosen = np.arange(len(chances)) * chances.shape[1] + chances.argmax(1)
         self._over = chances.flatten()[chosen] == 0
         self._observations, going = outcomes.observations[chosen], np.flatnonzero(~self._over)
         self._envs.set_state(outcomes.states[chosen[going]], going)
@@ -303,9 +359,25 @@ def random_hits(
     return hits(envs.positions, scene.balls.radius, count, (slowest, fastest), size, rng, scene.physics.flight, legal)
 
 
+def easy_pots(envs: BilliardsVectorEnv, count: int, rng: np.random.Generator) -> Floats:
+    """Returns (m, count, 2) random shots of the easiest pots by geometry; zeros where there are too few."""
+    env, size = envs.single_env, -(-count // len(SPEEDS)) + 1
+    pots = find_pots(Tables(env.scene, envs.positions, ~envs.potted, envs.legal_balls, env.max_speed), most=size)
+    shots = pots.shots.reshape(len(pots.count), -1, pots.shots.shape[-1])
+    chosen = np.argsort(-rng.random(shots.shape[:2]) * (shots[..., SPEED] > 0), axis=1)[:, :count, None]
+    shots = np.take_along_axis(shots, chosen, axis=1)
+    return shots[..., SPEED, None] / env.max_speed * shots[..., DX : DY + 1]
+
+
 def scores(envs: BilliardsVectorEnv, outcomes: Outcomes) -> Bools:
-    """Returns whether each shot (m,) scores: has a reward, or in an episode of one shot succeeds."""
-    return outcomes.infos["is_success"] if envs.single_env.model.max_shots == 1 else outcomes.rewards > 0
+    """Returns whether each shot (m,) scores: has a reward, or in an episode of one shot succeeds.
+
+    A shot of a game scores if it wins the game or the player has the next shot.
+    """
+    if envs.single_env.model.max_shots == 1:
+        return outcomes.infos["is_success"]
+    scored = outcomes.rewards > 0
+    return scored | keeps_turn(outcomes) & ~outcomes.terminated if envs.single_env.model.n_players > 1 else scored
 
 
 def labels_of(envs: BilliardsVectorEnv, shots: Floats, outcomes: Any, most: int, rng: np.random.Generator) -> Labels:
@@ -354,7 +426,8 @@ def _with_gradient(mixture: Mixture, std: Tensor) -> Mixture:
 
 def _check(config: Config) -> None:
     one_shot = 1 if config.env["goal_radius"] is not None else config.env["max_shots"]
-    needed = {"policy.head": (config.policy["head"], "aim"), "env.n_players": (config.env["n_players"], 1)}
+    players = min(config.env["n_players"], 2)
+    needed = {"policy.head": (config.policy["head"], "aim"), "env.n_players": (config.env["n_players"], players)}
     for name, (value, expected) in (needed | {"env.max_shots": (config.env["max_shots"], one_shot)}).items():
         if value != expected:
             raise ValueError(f"{name} = {value!r}: expected {expected!r} with learner = 'likelihood'")
@@ -364,6 +437,8 @@ def _check(config: Config) -> None:
         raise ValueError(
             f"likelihood.imitation = {config.settings['imitation']}: expected more than {_BEGIN} with goals"
         )
+    if config.settings["pots"] and config.env["n_players"] == 1:
+        raise ValueError(f"likelihood.pots = {config.settings['pots']}: expected 0 in a task of one player")
     config.n_envs = config.settings["layouts"]
 
 
@@ -371,7 +446,7 @@ _COUNTS = {"layouts": 128, "hits": 32, "own": 8, "labels": 1200, "passes": 2, "s
 
 LEARNER = Learner(
     {name: Setting(whole(1, 1_000_000), default) for name, default in _COUNTS.items()}
-    | {"goals": Setting(whole(0, 1_000_000), 0)}
+    | {name: Setting(whole(0, 1_000_000), 0) for name in ("goals", "pots")}
     | {"imitation": Setting(up_to(1.0), 0.5), "learning_rate": Setting(rates, [4e-3, 4e-5])},
     _check,
     lambda config, run_dir: LikelihoodTraining(config),
@@ -381,7 +456,8 @@ LEARNER = Learner(
 `layouts` is the number of layouts of an update, and `imitation` the share of all shots that the first phase plays. In
 this phase `hits` and `own` are the numbers of random hits and of actions of the policy in each layout, `labels` is the
 largest number of shots that score in a step of the optimizer, and `passes` the number of steps for each update. `goals`
-is the number of random goals of each layout for which the likeliest shot is corrected; 0 in a task without a goal. In
-the second phase `samples` is the number of actions of the policy in each layout. `learning_rate` has the rates of the
-start and of the end; in the second phase they are halved.
+is the number of random goals of each layout for which the likeliest shot is corrected; 0 in a task without a goal.
+`pots` is the number of hits of each layout that are pots by geometry; 0 in a task of one player. In the second phase
+`samples` is the number of actions of the policy in each layout. `learning_rate` has the rates of the start and of the
+end; in the second phase they are halved.
 """

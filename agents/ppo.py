@@ -18,6 +18,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from agents.learner import Learner, Setting, Training, rates, up_to, whole
 from billiards_env.bench.evaluation import FIRST_EVALUATION_SEED
+from billiards_env.envs import BilliardsVectorEnv, Opponents
 from billiards_env.sb3 import PPO_SETTINGS
 from billiards_env.sb3.vec_env import SameStepVecEnv
 from billiards_env.sb3.weights import POLICIES, build_policy, policy_arguments, whole_archive
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
     from agents.config import Config  # which imports the learners
 
 ENV_ID = "Billiards-v0"
+
+RIVAL = "geometric"
+"""The player against which the policies of games are measured."""
 
 
 def training_seed(config: Config, timesteps: int) -> int:
@@ -59,6 +63,12 @@ def make_vector(config: Config, num_envs: int, threads: int | None = None, **env
         env: Arguments that replace those in `config.env`.
     """
     return gym.make_vec(ENV_ID, num_envs=num_envs, threads=threads, noise=config.noise, **{**config.env, **env})
+
+
+def make_evaluation(config: Config, num_envs: int) -> VectorEnv[Any, Any, Any]:
+    """Returns the environments of `make_vector` to measure a policy in: in a game, `RIVAL` plays the other turns."""
+    envs = make_vector(config, num_envs)
+    return envs if config.env["n_players"] == 1 else Opponents(cast(BilliardsVectorEnv, envs.unwrapped), RIVAL)
 
 
 def make_vec_env(config: Config, threads: int | None = None) -> VecEnv:
@@ -178,7 +188,7 @@ class PPOTraining(Training):
 def _check(config: Config) -> None:
     if config.env["n_players"] > 1:
         raise ValueError(
-            f"env.n_players = {config.env['n_players']}: expected 1; examples/self_play.py trains in games of several"
+            f"env.n_players = {config.env['n_players']}: expected 1; the learner 'likelihood' trains in games of two"
         )
     if config.policy["head"] == "aim":
         config.settings = {**AIM_PPO, **config.settings}

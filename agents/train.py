@@ -33,7 +33,7 @@ import billiards_env
 from agents.config import Config, load
 from agents.learner import Training
 from agents.learners import LEARNERS
-from agents.ppo import deterministic, make_policy, make_vector
+from agents.ppo import deterministic, make_evaluation, make_policy
 from billiards_env.bench.evaluation import evaluation_seeds, play_together
 from billiards_env.commands import Parser, ending
 from billiards_env.sb3.weights import is_slim, read_weights, set_weights
@@ -183,7 +183,7 @@ class Point(NamedTuple):
         training_success: Success in the last 1000 episodes of the training, with exploration; with the learner
             "likelihood" that of the policy's own shots in the last update.
         success: Success in `config.evaluation_episodes` episodes without exploration, on layouts that do not occur in
-            training.
+            training; in a game the share of games that it wins against `ppo.RIVAL`.
         score: The mean score of these episodes.
     """
 
@@ -223,7 +223,7 @@ class LearningCurve:
     def __init__(self, config: Config, run_dir: Path, steps: int, clock: Callable[[], float]) -> None:
         self.config, self.run_dir, self.clock = config, run_dir, clock
         self.points = [point for point in learning_curve(run_dir) if point.steps <= steps]
-        self._envs = make_vector(config, config.evaluation_episodes)
+        self._envs = make_evaluation(config, config.evaluation_episodes)
         self._begin = self.clock()
 
     def measure(self, policy: BasePolicy, steps: int, training_success: float) -> None:

@@ -121,8 +121,8 @@ def _add_evaluate(parser: argparse.ArgumentParser) -> None:
         "function that makes the player, policy:FOLDER for a run of agents.train, policy:FOLDER:K (the best of K "
         "actions that it proposes), random, geometric, "
         "search:K (simulates K shots), aim (computes shots), planner:TIME (plans under noise) or a level such as "
-        "planner:club (its strokes are noisy). If the first player is the policy of a run with the same task, the "
-        "other arguments of the environment are those of the run."
+        "planner:club (its strokes are noisy), or noisy:LEVEL:PLAYER (another player with this noise). If the first "
+        "player is the policy of a run with the same task, the other arguments of the environment are those of the run."
     )
     add = parser.add_argument
     add("player", nargs="+", help="a player, such as mine:player for that of the function player of mine.py")

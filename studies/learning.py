@@ -77,6 +77,11 @@ def trained(config: Config, folder: Path) -> tuple[list[Point], dict[str, bytes]
     return learning_curve(folder), slim(folder)
 
 
+def measured_rows() -> dict[str, dict[str, Any]]:
+    """Returns the rows whose policies play frozen tasks. `billiards match` measures the others, which play games."""
+    return {name: row for name, row in rows().items() if row["plays"]}
+
+
 def run_row(name: str, seed: int, folder: Path, episodes: int) -> tuple[dict[str, Any], dict[str, bytes]]:
     """Trains a row with a seed, unless the folder holds the finished run, and plays its tasks.
 
@@ -114,10 +119,10 @@ def measure(output: Path, jobs: int, address: str) -> dict[str, Any]:
     old = read_results(output)
     folder = RUNS / "learning" if output == OUTPUT else output.parent / "runs"
     seeds, measured = read_settings(LEARNING, "settings")["seeds"], {}
-    for name, settings in rows().items():
+    for name, settings in measured_rows().items():
         known = old.get(name, {})
         measured[name] = {"settings": settings, "runs": {}, **(known if known.get("settings") == settings else {})}
-    order = [(seed, name) for seed in seeds for name in rows()]
+    order = [(seed, name) for seed in seeds for name in measured]
     calls = {
         (seed, name): (run_row, name, seed, folder / name / f"seed{seed}", EPISODES)
         for seed, name in order
@@ -135,7 +140,7 @@ def measure(output: Path, jobs: int, address: str) -> dict[str, Any]:
         measured,
         {
             (name, "proposals", task, str(count)): functools.partial(propose, policies / name, task, count)
-            for name in rows()
+            for name in measured
             for task in with_noise(rows()[name]["plays"])
             for count in PROPOSALS
         },

@@ -49,7 +49,7 @@ def make_parser() -> argparse.ArgumentParser:
     add("--rules", help=f"the game: {', '.join(GAMES)} (default: eight_ball)")
     levels = ", ".join(f"planner:{level}" for level in LEVELS)
     text = f"the players: human, random, geometric, search[:SHOTS], aim, planner[:TIME], {levels} (levels, the weakest "
-    text += "first), policy:RUN_FOLDER[:PROPOSALS] or module:function[:ARGUMENT] "
+    text += "first), noisy:LEVEL:PLAYER, policy:RUN_FOLDER[:PROPOSALS] or module:function[:ARGUMENT] "
     text += f"(default: {HUMAN},{OPPONENT})"
     add("--players", metavar="A,B", help=text)
     text = f"table, balls and physics: {', '.join(SCENES)}, module:name or a JSON file (default: that of the game)"

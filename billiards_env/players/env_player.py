@@ -113,8 +113,13 @@ def game_observation(setup: Setup, game: GameState, max_speed: float, **argument
     """
     same = {name: getattr(setup, name) for name in ("scene", "n_players", "target", "edition", "innings")}
     same |= dataclasses.asdict(setup.engine) | {"task": setup.rules, "max_speed": max_speed}
-    env, state = BilliardsEnv(make_model(**{**same, **arguments})), to_dict(game.state)
-    given = setup.game_rules.given
+    return begin_at(BilliardsEnv(make_model(**{**same, **arguments})), game)
+
+
+def begin_at(env: BilliardsEnv, game: GameState) -> Any:
+    """Begins an episode of a game at a state, without its choices, and returns the observation."""
+    assert env.model.setup is not None
+    state, given = to_dict(game.state), env.model.setup.game_rules.given
     fields = {name: state[name] for name in given if name != "choices"}  # no feature depends on the choices
     return env.reset(options={"positions": game.positions, "state": fields})[0]
 

@@ -2,7 +2,8 @@
 
 `PLAYERS` is the table of the names. A colon and an argument may follow a name: "search:500", "planner:100ms",
 "planner:club" (a level, see `players.levels`), "policy:runs/pot" (the folder of a run of `agents.train`),
-"policy:runs/pot:16" (the best of 16 actions that the policy proposes).
+"policy:runs/pot:16" (the best of 16 actions that the policy proposes), "noisy:club:geometric" (another player, whose
+strokes have the noise of a level).
 "module:NAME" and "module:NAME:ARGUMENT" name a player that the module adds with `register_player`. Other names are
 those of makers. A *maker* is a function `(argument) -> player`, whose argument is a text:
 
@@ -24,10 +25,10 @@ import numpy as np
 from billiards_env.derivatives.shot_derivatives import check_derivatives
 from billiards_env.doors import Entries, offered
 from billiards_env.games import Setup, Stroke
-from billiards_env.players.levels import planning
+from billiards_env.players.levels import LEVELS, LevelPlayer, planning
 from billiards_env.players.situation import Player, Situation
 from billiards_env.players.strategies import SHOTS, geometric, random, reach_goals, search
-from billiards_env.support.checks import add_entry, check_call, is_foreign, result_of, suggestion
+from billiards_env.support.checks import add_entry, check_call, is_foreign, one_of, result_of, suggestion
 
 Where = Setup | gym.Env[Any, Any]
 """The game that a player plays, or the environment."""
@@ -72,12 +73,19 @@ def _searching(argument: str, where: Where) -> Player:
     return functools.partial(search, shots=int(argument))
 
 
+def _noisy(argument: str, where: Where) -> Player:
+    level, _, player = argument.partition(":")
+    one_of("level of the player 'noisy'", level, tuple(LEVELS))
+    return LevelPlayer(find_player(player, where), LEVELS[level].noise)
+
+
 PLAYERS: Entries[PlayerEntry] = {
     "random": PlayerEntry(lambda argument, where: random),
     "geometric": PlayerEntry(lambda argument, where: geometric, needs_pockets=True),
     "search": PlayerEntry(_searching, argument=str(SHOTS)),
     "aim": PlayerEntry(lambda argument, where: reach_goals, needs_derivatives=True),
     "planner": PlayerEntry(lambda argument, where: planning(argument), argument="100ms"),
+    "noisy": PlayerEntry(lambda argument, where: _noisy(argument, where), argument=""),
 } | offered("player")
 """The players by name; "policy" needs the extra `train`."""
 

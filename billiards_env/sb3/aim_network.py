@@ -28,7 +28,7 @@ _PATH_UNITS = 16  # hidden units of the network of the paths
 _NEVER = -1e4  # the logit of a component whose ball is not on the table, or not legal
 
 
-OBSERVED = ("positions", "goal", "legal_balls", "shots_left", "physics")
+OBSERVED = ("positions", "goal", "legal_balls", "shots_left", "physics", "in_hand")
 """The features of observations that the networks can take. The others follow from the positions."""
 
 
@@ -265,7 +265,7 @@ class AimNetwork(nn.Module):
         if goal_units:
             self.of_goal = nn.Linear(2 + 4 * waves, goal_units, bias=False)
             self.choice_for_goal = nn.Sequential(nn.ReLU(), *list(_Layers(goal_units, goal_units, outputs, 0.02))[2:])
-        self.critic = _Layers(inputs, half, 1)
+        self.critic = TableCritic(half) if self.legal and "in_hand" in features else _Layers(inputs, half, 1)
         self.turn = nn.Parameter(torch.zeros(()))
         self.widths = hidden, half, half if aim == "layout" else 0
         self.other_ball = nn.Sequential(nn.Linear(5 + self.legal, half), nn.ReLU(), nn.Linear(half, half), nn.ReLU())
@@ -324,9 +324,17 @@ class AimNetwork(nn.Module):
         parts = self.choice(features, chosen), signs, dx * signs[:, :1], dy * signs[:, 1:], inverse, paths
         possible = allowed.gather(1, first)
         layouts = Layouts._make((*(part.reshape(m, f, -1) for part in parts), possible))
+        if isinstance(self.critic, TableCritic):
+            return layouts, self.critic(positions, flags, others["in_hand"], self.half_extents)
         counted = possible if self.legal else on_table.gather(1, first)
         values = self.critic(features, judged).reshape(m, f) * counted
         return layouts, values.sum(1) / counted.sum(1).clamp(min=1)
+
+    def values(self, **seen: Tensor) -> Tensor:
+        """Returns the values (m,) for the features of m layouts by name."""
+        if isinstance(self.critic, TableCritic):
+            return self.critic(seen["positions"], seen["legal_balls"], seen["in_hand"], self.half_extents)
+        return self.layouts(**seen)[1]
 
     def _first_balls(self, allowed: Tensor) -> Tensor:
         """Returns the balls (m, f) that are put in first place: all n, or with "legal_balls" those that are allowed.
@@ -433,6 +441,31 @@ class AimNetwork(nn.Module):
         before = _clearance(vectors, present, dx, dy, diameter, length)
         after = _clearance(vectors - to_ball[:, None], present, hit_x, hit_y, diameter)
         return self.of_paths(torch.stack((before, after), 2)).transpose(1, 2).reshape(m, f, -1)
+
+
+class TableCritic(nn.Module):
+    """The value function of games of two players, which takes each layout once.
+
+    One network takes each object ball with the cue ball, in a layout that is reflected so that the cue ball has x >= 0
+    and y >= 0. Another one takes the sums and the largest values of its outputs.
+    """
+
+    def __init__(self, units: int) -> None:
+        super().__init__()
+        self.ball = nn.Sequential(nn.Linear(11, units), nn.ReLU(), nn.Linear(units, units), nn.ReLU())
+        self.table = _Layers(2 * units + 4, units, 1, 0.1)
+
+    def forward(self, positions: Tensor, legal_balls: Tensor, in_hand: Tensor, half_extents: Tensor) -> Tensor:
+        """Returns the values (m,) for features of m layouts."""
+        on_table = (positions[:, 1:].abs() != 1).all(2)[..., None]
+        tables = positions * torch.where(positions[:, :1] < 0, -1.0, 1.0)
+        cue, balls = tables[:, :1], tables[:, 1:]
+        ways = (balls - cue) * half_extents
+        distances = ways.norm(dim=2, keepdim=True).clamp(min=1e-6)
+        cues, near = cue.expand(-1, balls.shape[1], -1), 1 / (distances + 0.1)
+        features = torch.cat((cues, balls, ways, ways / distances, distances, near, legal_balls[..., None]), 2)
+        outputs = self.ball(features) * on_table
+        return self.table(torch.cat((0.2 * outputs.sum(1), outputs.amax(1), cue[:, 0], in_hand), 1))[:, 0]
 
 
 class _Layers(nn.Sequential):

@@ -45,6 +45,9 @@ _UNITS, _MOST_SPEEDS = Range(2, 4096), 100
 _NO_SCHEDULE = -1  # `AimPolicy.shots` of a policy whose standard deviations no schedule changes
 _WORTH = 0.1  # the smallest value that divides an advantage
 
+TURN = 0.1
+"""The worth of another turn in a game, where a win is worth 1. Without it, policies that seldom pot play only safe."""
+
 
 def find_game(env: Mapping[str, Any]) -> BilliardsEnv:
     """Returns an environment that describes the game: its scene, task and spaces. It must not be played.
@@ -93,6 +96,11 @@ def by_value(log_prob: Tensor, values: Tensor) -> Tensor:
     factor = 1.0 / values.detach().clamp(_WORTH, 1.0)
     factor = factor / factor.mean()
     return factor * log_prob + ((1.0 - factor) * log_prob).detach()
+
+
+def keeps_turn(outcomes: Outcomes) -> NDArray[np.bool_]:
+    """Returns whether the player of each tried shot (m,) of a game has the next shot."""
+    return outcomes.infos["next_player"] == outcomes.infos["player"]
 
 
 class AimPolicy(ActorCriticPolicy):
@@ -247,10 +255,14 @@ class AimPolicy(ActorCriticPolicy):
             self._follow_schedules()
         super().set_training_mode(mode)
 
+    def seen(self, obs: PyTorchObs) -> dict[str, Tensor]:
+        """Returns the features of observations that the networks observe, by name."""
+        features = self.game.decode(obs)
+        return {name: features[name] for name in self.observe}
+
     def mixtures_and_values(self, obs: PyTorchObs) -> tuple[Mixture, Tensor]:
         """Returns the mixtures and the values (m,) for observations."""
-        seen = self.game.decode(obs)
-        return self.net(**{name: seen[name] for name in self.observe})
+        return self.net(**self.seen(obs))
 
     def forward(self, obs: Tensor, deterministic: bool = False) -> tuple[Tensor, Tensor, Tensor]:
         """Returns actions (m, 2) or (m, 5), values (m, 1) and logarithms (m,) of densities, and counts the shots."""
@@ -268,7 +280,7 @@ class AimPolicy(ActorCriticPolicy):
 
     def predict_values(self, obs: PyTorchObs) -> Tensor:
         """Returns the values (m, 1)."""
-        return self.mixtures_and_values(obs)[1][:, None]
+        return self.net.values(**self.seen(obs))[:, None]
 
     def to_onnx(self, path: str | PathLike[str]) -> None:
         """Writes the networks as an ONNX file, which runs without PyTorch. Needs the extra `onnx`.
@@ -290,12 +302,33 @@ class AimPolicy(ActorCriticPolicy):
         to_onnx(self, path)
 
     def returns(self, outcomes: Outcomes) -> NDArray[np.float64]:
-        """Computes the returns (m,) of tried shots: the rewards plus, in unfinished episodes, the values afterwards."""
+        """Computes the returns (m,) of tried shots: the rewards plus, in unfinished episodes, the values afterwards.
+
+        In a game another turn is worth `TURN`, and the value of a turn of the other player counts negative.
+        """
         returns, on = outcomes.rewards.copy(), np.flatnonzero(~outcomes.terminated)
         if len(on):
             with torch.no_grad():
-                returns[on] += self.predict_values(torch.as_tensor(outcomes.observations[on])).numpy()[:, 0]
+                values = self.predict_values(torch.as_tensor(outcomes.observations[on])).numpy()[:, 0]
+            if self.game.model.n_players > 1:
+                values = np.where(keeps_turn(outcomes)[on], TURN + values, -values)
+            returns[on] += values
         return returns
+
+    def best_places(self, places: NDArray[np.float64], **seen: Tensor) -> NDArray[np.int64]:
+        """Returns which of k places of a cue ball in hand has the largest value in each of m layouts, (m,).
+
+        Args:
+            places: (m, k, 2) m.
+            seen: The features that the networks observe, by name.
+        """
+        m, k = places.shape[:2]
+        seen = {name: feature.repeat_interleave(k, 0) for name, feature in seen.items()}
+        seen["positions"][:, 0] = torch.from_numpy(places / np.array(self.game.scene.half_extents)).flatten(0, 1)
+        if "in_hand" in seen:
+            seen["in_hand"].zero_()
+        with torch.no_grad():
+            return self.net.values(**seen).reshape(m, k).argmax(1).numpy()
 
     def get_distribution(self, obs: PyTorchObs) -> Mixture:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Returns the mixtures."""

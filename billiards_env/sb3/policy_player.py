@@ -24,10 +24,13 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from billiards_env.envs import BilliardsEnv
 from billiards_env.envs.actions import action_named
-from billiards_env.games import GAMES, Setup, Stroke, members
+from billiards_env.games import GAMES, GameState, Setup, Stroke, members
+from billiards_env.games.game_state import NOT_IN_HAND, changed
+from billiards_env.players.env_player import begin_at
 from billiards_env.players.named import PlayerEntry
-from billiards_env.players.situation import Player, Situation, placed
+from billiards_env.players.situation import PLACES, Noise, Player, Situation, draw_places, game_situation, placed
 from billiards_env.players.strategies import best_of
 from billiards_env.sb3.aim_network import Mixture
 from billiards_env.sb3.aim_policy import AimPolicy, arguments_of
@@ -39,6 +42,9 @@ from billiards_env.support.checks import Range, integer
 
 MOST_PROPOSALS = 100_000
 
+
+Prepare = Callable[[Situation, np.random.Generator], Situation]
+"""A function that returns a situation with a place for a cue ball in hand and the ratings of a policy."""
 
 Propose = Callable[[Situation, int, np.random.Generator], NDArray[np.float64]]
 """A function that returns k actions (k, a) for a situation, the best guess first."""
@@ -64,17 +70,11 @@ def policy(argument: str, where: Setup | gym.Env[Any, Any]) -> Player:
     if Path(argument).is_dir() or not number.isdecimal():
         folder, number = argument, "1"
     count = integer("number of proposals", int(number), Range(1, MOST_PROPOSALS))
-    if isinstance(where, Setup):
-        propose, rate = _proposing_in_games(folder, where), None
-    else:
-        propose, rate = _proposing(folder, where)
+    prepare, propose = _in_games(folder, where) if isinstance(where, Setup) else _in_environments(folder, where)
 
     def player(situation: Situation, rng: np.random.Generator) -> Stroke:
-        if isinstance(where, Setup):
-            situation = placed(situation, rng)
-        elif rate is not None:
-            situation = situation._replace(rate=rate)
         with _one_thread():
+            situation = prepare(situation, rng)
             actions = propose(situation, count, rng)
             return situation.stroke(actions[0]) if count == 1 else best_of(situation, actions, rng)
 
@@ -104,10 +104,10 @@ def arguments_of_run(name: str) -> dict[str, Any]:
 POLICY = PlayerEntry(policy, argument="")
 
 
-def _proposing(folder: str, where: gym.Env[Any, Any]) -> tuple[Propose, Callable[..., NDArray[np.float64]] | None]:
-    """Returns the function that proposes the actions of a policy in an environment, and `Situation.rate`.
+def _in_environments(folder: str, where: gym.Env[Any, Any]) -> tuple[Prepare, Propose]:
+    """Returns the functions of a policy in an environment.
 
-    The second one is None if the rating is the reward alone.
+    The first one only rates the shots of a run-out with the critic. In other tasks a miss does not end the episode.
     """
     base: Any = where.unwrapped
     model: Any = load_policy(folder, arguments_of(base))[1]
@@ -115,9 +115,12 @@ def _proposing(folder: str, where: gym.Env[Any, Any]) -> tuple[Propose, Callable
     def propose(situation: Situation, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
         return proposals(model, situation.observation, count, rng)
 
+    def rate(actions: NDArray[np.float64], noise: np.random.Generator | None = None) -> NDArray[np.float64]:
+        return model.returns(base.try_actions(actions, noise=noise))
+
     if not isinstance(model, AimPolicy) or "legal_balls" not in model.observe or base.model.n_players > 1:
-        return propose, None  # in other tasks a miss does not end the episode
-    return propose, lambda actions, noise=None: model.returns(base.try_actions(actions, noise=noise))
+        return lambda situation, rng: situation, propose
+    return lambda situation, rng: situation._replace(rate=rate), propose
 
 
 def proposals(model: Any, observation: Any, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -144,8 +147,8 @@ def _drawn(mixture: Mixture, count: int, seed: int) -> NDArray[np.float64]:
     return drawn.clamp(-1, 1).numpy().astype(np.float64)
 
 
-def _proposing_in_games(argument: str, setup: Setup) -> Propose:
-    """Returns the function that proposes the actions of a policy in a game, see the module."""
+def _in_games(argument: str, setup: Setup) -> tuple[Prepare, Propose]:
+    """Returns the functions of a policy in a game, see the module."""
     folder = Path(argument)
     if not argument or not (folder / "policy.pt").is_file():
         raise FileNotFoundError(
@@ -170,6 +173,9 @@ def _proposing_in_games(argument: str, setup: Setup) -> Propose:
         raise ValueError(
             f"player = 'policy:{argument}': expected a policy trained without observed physics, strikes or a goal"
         )
+    if isinstance(model, AimPolicy) and base.model.setup is not None and base.task == setup.rules:
+        noise = read_settings(folder / "config.yaml", "the settings of a run")["noise"]
+        return _in_its_game(model, base, (noise["angle_std"], noise["speed_std"]) if noise else (0.0, 0.0))
 
     def propose(situation: Situation, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
         setup, game = situation.find_game()
@@ -181,7 +187,31 @@ def _proposing_in_games(argument: str, setup: Setup) -> Propose:
             actions = proposals(model, observation, count, rng)
         return base.max_speed / situation.table.max_speed * actions
 
-    return propose
+    return placed, propose
+
+
+def _in_its_game(model: AimPolicy, env: BilliardsEnv, noise: Noise) -> tuple[Prepare, Propose]:
+    """Returns the functions of a policy in the game of its training, under the noise of its training."""
+
+    def prepare(situation: Situation, rng: np.random.Generator) -> Situation:
+        (setup, game), fastest = situation.find_game(), situation.table.max_speed
+        observation = begin_at(env, game)
+        if game.state.in_hand:
+            places, positions = draw_places(setup, game, rng, PLACES), game.positions.copy()
+            (best,) = model.best_places(np.array([places]), **model.seen(torch.as_tensor(observation)[None]))
+            positions[situation.table.cue] = places[best]
+            situation = game_situation(setup, GameState(positions, game.state), fastest, place=places[best])
+            observation = begin_at(env, GameState(positions, changed(game.state, in_hand=NOT_IN_HAND)))
+
+        def rate(actions: NDArray[np.float64]) -> NDArray[np.float64]:
+            return model.returns(env.try_actions(fastest / env.max_speed * actions))
+
+        return situation._replace(observe=lambda: observation, rate=rate, noise=noise)
+
+    def propose(situation: Situation, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
+        return env.max_speed / situation.table.max_speed * proposals(model, situation.observation, count, rng)
+
+    return prepare, propose
 
 
 def playable(run_dir: Path) -> str | None:
@@ -203,7 +233,8 @@ def _aimed(model: AimPolicy, table: Tables, count: int, rng: np.random.Generator
     places = torch.tensor(table.positions[0] / np.array(model.game.scene.half_extents), dtype=torch.float32)
     observed = places[np.insert(seen, 0, table.cue, axis=1)]
     with torch.no_grad():
-        mixtures, values = model.net(observed, flags, legal_balls=flags.float(), shots_left=torch.ones(len(seen)))
+        others = {"shots_left": torch.ones(len(seen)), "in_hand": torch.zeros(len(seen), 2)}
+        mixtures, values = model.net(observed, flags, legal_balls=flags.float(), **others)
         first = mixtures.mode()[values.argmax()].clamp(-1, 1).numpy().astype(np.float64)[None]
         if count == 1:
             return first

@@ -8,6 +8,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from agents.config import Config, load, rows
 from agents.ppo import make_env, make_policy, make_ppo, make_vec_env
 from billiards_env.bench.frozen import FROZEN
+from billiards_env.players.levels import LEVELS
 from billiards_env.sb3 import PPO_SETTINGS, AimPolicy
 from billiards_env.shots.noise import EXECUTION_NOISE
 
@@ -15,10 +16,14 @@ from billiards_env.shots.noise import EXECUTION_NOISE
 @pytest.mark.parametrize("name", rows())
 def test_each_row_is_a_policy_for_its_task_and_a_frozen_task(name):
     row, config = rows()[name], load(name, seed=3)
-    assert (config.seed, config.task) == (3, row["task"])
+    assert (config.seed, config.task) == (3, row.get("task"))
+    assert type(make_policy(config)) is (ActorCriticPolicy if config.policy["head"] == "gaussian" else AimPolicy)
+    if config.task is None:  # a game
+        assert (row["plays"], config.env["n_players"]) == ([], 2)
+        assert (config.noise["angle_std"], config.noise["speed_std"]) == LEVELS["club"].noise
+        return
     assert set(row["plays"]) <= FROZEN.keys()
     assert config.noise == (EXECUTION_NOISE if FROZEN[row["task"]].noise else None)
-    assert type(make_policy(config)) is (ActorCriticPolicy if config.policy["head"] == "gaussian" else AimPolicy)
     assert config.env["task"] in (FROZEN[row["task"]].arguments["task"], row["env"].get("task"))
 
 
@@ -50,7 +55,10 @@ WRONG = [
     ({"timesteps": 1, "seed": -1}, "seed = -1: expected a whole number"),
     ({"timesteps": 1, "task": "Pot-v0"}, "task = 'Pot-v0': expected one of .*did you mean"),
     ({"timesteps": 1, "env": {"max_shot": 2}}, "key of env = 'max_shot'.*did you mean 'max_shots'"),
-    ({"timesteps": 1, "env": {"task": "nine_ball", "n_players": 2}}, "env.n_players = 2: expected 1; .*self_play.py"),
+    (
+        {"timesteps": 1, "env": {"task": "nine_ball", "n_players": 2}},
+        "env.n_players = 2: expected 1; .*'likelihood'",
+    ),
     ({"timesteps": 1, "env": {"max_speed": -1.0}}, "max_speed = -1.0: expected a number from"),
     ({"timesteps": 1, "noise": {"angle": 1}}, "key of noise = 'angle'"),
     ({"timesteps": 1, "noise": {"speed_std": -0.1}}, "speed_std = -0.1: expected a number from"),

@@ -9,9 +9,11 @@ import torch
 
 from agents import train as module
 from agents.config import Config, load
-from agents.likelihood import LikelihoodTraining, corrections, labels_of, random_hits
+from agents.likelihood import LikelihoodTraining, corrections, easy_pots, labels_of, random_hits, scores
+from agents.ppo import make_evaluation
 from billiards_env.players.strategies import hits
 from billiards_env.sb3 import load_policy
+from billiards_env.sb3.aim_policy import TURN
 from tests.helpers.errors import refusals
 from tests.helpers.training import trained_run
 
@@ -271,8 +273,9 @@ def test_with_noise_the_shots_of_an_update_are_noisy(monkeypatch):
         ({"ppo": {"n_epochs": 2}}, "ppo = .*: expected nothing with learner = 'likelihood'"),
         ({"policy": {"head": "gaussian"}}, "policy.head = 'gaussian': expected 'aim' with learner = 'likelihood'"),
         ({"env": {"max_shots": 2}}, "env.max_shots = 2: expected 1 with learner = 'likelihood'"),
-        ({"task": None, "env": {"task": "nine_ball", "n_players": 2}}, "env.n_players = 2: expected 1 with learner"),
+        ({"task": None, "env": {"task": "nine_ball", "n_players": 3}}, "env.n_players = 3: expected 2 with learner"),
         ({"likelihood": {"imitation": 1.5}}, "likelihood.imitation = 1.5: expected"),
+        ({"likelihood": {"pots": 1}}, "likelihood.pots = 1: expected 0 in a task of one player"),
         ({"task": "Pot1-v0", "likelihood": {"goals": 1}}, "likelihood.goals = 1: expected 0 in a task without a goal"),
         (
             {"task": "Place-v0", "likelihood": {"goals": 1, "imitation": 0.3}},
@@ -283,3 +286,86 @@ def test_with_noise_the_shots_of_an_update_are_noisy(monkeypatch):
 def test_wrong_settings_are_refused(changes, message, kind):
     with pytest.raises(kind, match=message):
         Config.from_dict({**TINY, **changes})
+
+
+GAME: dict[str, Any] = {
+    **TINY,
+    "task": None,
+    "env": {"task": "eight_ball", "n_players": 2, "can_place": False, "max_shots": 40},
+    "noise": {"angle_std": 1.0},
+    "policy": {"arguments": {"hidden": 16}},
+}
+
+
+def game_learner(**settings) -> Any:
+    learner: Any = LikelihoodTraining(Config.from_dict({**GAME, "likelihood": {**TINY["likelihood"], **settings}}))
+    learner.restart()
+    return learner
+
+
+@pytest.mark.parametrize("imitation", [0.0, 1.0])
+def test_a_game_goes_on_from_any_shot_of_the_policy(imitation, monkeypatch):
+    learner = game_learner(imitation=imitation, samples=4)
+    outcomes, play = [], learner._play
+    monkeypatch.setattr(learner, "_play", lambda shots: outcomes.append(play(shots)) or outcomes[-1])
+    for _ in range(3):
+        learner.update()
+        one, after = outcomes.pop(), learner._envs.get_state()
+        own = one.states.reshape(64, -1)[:, -4:]
+        assert not learner._over.any()
+        assert all((own[k]["positions"] == after[k]["positions"]).all((1, 2)).any() for k in range(64))
+    assert set(learner._envs.get_state()["game"]["player"]) == {0, 1}
+
+
+def test_the_cue_ball_in_hand_is_placed_where_the_value_is_largest(monkeypatch):
+    learner = game_learner()
+    net = learner.policy.net
+    monkeypatch.setattr(net, "values", lambda **seen: seen["positions"][:, 0, 1] - 9.0 * seen["in_hand"].sum(1))
+    seen = learner._seen(learner._envs.reset()[0])
+    assert seen["in_hand"][:, 0].all()  # the break
+    learner._place(seen)
+    states, (_, half_width) = learner._envs.get_state(), learner._envs.single_env.scene.half_extents
+    assert (states["game"]["in_hand"] == 0).all()
+    places = states["positions"][:, 0]
+    assert np.allclose(seen["positions"][:, 0, 1].numpy() * half_width, places[:, 1])
+    assert (places[:, 1] > 0.5 * half_width).all()
+    assert (places[:, 0] <= learner._envs.single_env.scene.table.head_x).all()
+    assert not seen["in_hand"].any()
+    rows, before = learner._in_hand
+    assert len(rows) == 64
+    assert before["in_hand"].any(1).all()
+
+
+def test_the_value_counts_negative_if_the_other_player_has_the_next_turn(monkeypatch):
+    learner = game_learner()
+    monkeypatch.setattr(learner.policy, "predict_values", lambda seen: torch.full((len(seen), 1), 0.25))
+    learner._place(learner._seen(learner._envs.reset()[0]))
+    outcomes = learner._play(random_hits(learner._envs, learner.policy, 20, np.random.default_rng(0)))
+    keeps = outcomes.infos["next_player"] == outcomes.infos["player"]
+    assert {False, True} == set(keeps)
+    returns = learner._returns(outcomes, 20).numpy().flatten()
+    assert np.allclose(returns, np.where(keeps, 0.25 + TURN, -0.25))
+    assert np.array_equal(scores(learner._envs, outcomes), keeps)
+
+
+def test_some_of_the_random_hits_of_a_game_are_pots_by_geometry(monkeypatch):
+    settings = {**TINY["likelihood"], "pots": 6, "imitation": 1.0}
+    config = Config.from_dict({**GAME, "env": {**GAME["env"], "layout": "random"}, "likelihood": settings})
+    learner: Any = LikelihoodTraining(config)
+    learner.restart()
+    envs, played, play = learner._envs, [], learner._play
+    envs.reset(seed=1)
+    easy = easy_pots(envs, 6, np.random.default_rng(0))
+    assert easy.any(2).mean() > 0.9
+    assert np.hypot(*np.moveaxis(easy, 2, 0)).max() < 1.0 + 1e-9
+    monkeypatch.setattr(learner, "_play", lambda shots: played.append(play(shots)) or played[-1])
+    learner.update()
+    scored = scores(envs, played[0]).reshape(64, 16).mean(0)
+    assert scored[:6].mean() > 2 * scored[6:].mean()
+
+
+def test_a_rival_plays_the_other_turns_when_a_policy_of_a_game_is_measured():
+    envs: Any = make_evaluation(Config.from_dict(GAME), 3)
+    envs.reset(seed=0)
+    infos = envs.step(np.full((3, 2), 0.1))[-1]
+    assert (infos["next_player"] == envs.seats).all()

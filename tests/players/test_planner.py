@@ -19,6 +19,7 @@ from billiards_env.players.levels import EXPECTED, LEVELS, expected, level_of, w
 from billiards_env.players.named import find_player
 from billiards_env.players.planner import Options, _draw_noise, noisy_strokes, plan
 from billiards_env.players.situation import game_situation
+from billiards_env.players.strategies import geometric
 from billiards_env.players.values import Values
 from billiards_env.pots import indirect
 from tests.helpers.games import hanging, setup
@@ -239,6 +240,10 @@ def test_a_game_and_an_environment_accept_a_level():
     assert player(situation, RNG(0)) != player.intend(situation, RNG(0))
     env = gym.make("Billiards/Pot1-v0")
     observation, _ = env.reset(seed=0)
+    other: Any = find_player("noisy:club:geometric", game)
+    assert (other.intend, other.noise) == (geometric, LEVELS["club"].noise)
+    with pytest.raises(ValueError, match="level of the player 'noisy' = 'geometric': expected one of 'beginner'"):
+        find_player("noisy:geometric", game)
     assert acting(find_player("planner:pro", env), env, seed=0)(observation).shape == (2,)
 
 

@@ -12,13 +12,17 @@ from agents.config import Config
 from agents.ppo import make_env, make_policy
 from billiards_env import envs
 from billiards_env.__main__ import main
-from billiards_env.games import custom_opening, opening, play
+from billiards_env.games import GameState, custom_opening, opening, play
+from billiards_env.games.game_state import ANYWHERE, changed
 from billiards_env.play.__main__ import make_history, make_parser
+from billiards_env.players.batch import play_batch
 from billiards_env.players.env_player import acting, action_of, env_situation
 from billiards_env.players.named import find_player
-from billiards_env.players.situation import game_situation
+from billiards_env.players.situation import PLACES, draw_places, game_situation
 from billiards_env.players.strategies import FINALISTS, REPEATS, best_of
-from billiards_env.sb3 import AimPolicy
+from billiards_env.sb3 import AimPolicy, policy_player
+from billiards_env.sb3.aim_network import AimNetwork
+from billiards_env.sb3.aim_policy import TURN
 from billiards_env.sb3.policy_player import playable, policy, proposals
 from billiards_env.sb3.weights import load_policy, save_policy
 from tests.helpers.games import in_a_row, setup
@@ -44,7 +48,8 @@ def test_the_policy_plays_the_nearest_legal_ball(trained):
 def untrained(folder, head="aim", **env):
     """Returns the folder and the untrained policy of a run, and its environment."""
     policy = {"head": "aim", "arguments": {"hidden": 16}} if head == "aim" else {"head": head, "hidden": [8]}
-    config = Config.from_dict({"timesteps": 0, "env": env, "policy": policy})
+    learner = "likelihood" if "n_players" in env else "ppo"
+    config = Config.from_dict({"timesteps": 0, "env": env, "policy": policy, "learner": learner})
     torch.manual_seed(0)
     (folder / "config.yaml").write_text(config.to_yaml())
     model: Any = make_policy(config)
@@ -272,3 +277,33 @@ def test_a_policy_that_aims_plays_with_any_number_of_balls_at_legal_ones(tmp_pat
     stroke = policy(str(folder), game)(game_situation(game, table, 6.0), RNG(0))
     way = np.array([0.9, 0.5]) - table.positions[0]
     assert np.dot(stroke.velocity, way) > 0.99 * np.hypot(*stroke.velocity) * np.hypot(*way)  # the one is on
+
+
+def test_a_policy_of_a_game_chooses_the_place_of_the_cue_ball_and_the_shot_by_their_values(tmp_path, monkeypatch):
+    folder, *_ = untrained(tmp_path, task="eight_ball", n_players=2, can_place=False)
+    monkeypatch.setattr(AimNetwork, "values", lambda self, **seen: seen["positions"][:, 0, 1])  # y of the cue ball
+    situations = []
+
+    def best(situation, actions, rng):
+        situations.append(situation)
+        return best_of(situation, actions, rng)
+
+    monkeypatch.setattr(policy_player, "best_of", best)
+    config = (folder / "config.yaml").read_text()
+    (folder / "config.yaml").write_text(config.replace("noise: null", "noise: {angle_std: 1.0, speed_std: 0.2}"))
+    game = setup("eight_ball")
+    table = opening(game, RNG(2), "random")
+    table = GameState(table.positions, changed(table.state, in_hand=ANYWHERE))
+    stroke = policy(f"{folder}:20", game)(game_situation(game, table, 4.0), RNG(0))
+    assert stroke.place == max(draw_places(game, table, RNG(0), PLACES), key=lambda place: place[1])
+    positions, actions = table.positions.copy(), RNG(1).uniform(-0.7, 0.7, (300, 2))
+    positions[0] = stroke.place
+    played = play_batch(game, GameState(positions, table.state), 4.0 * actions)
+    y, shoots = played.positions[:, 0, 1] / game.scene.half_extents[1], played.states["player"] == 0
+    known = played.states["in_hand"] == 0
+    expected = np.where(shoots, y + TURN, -y)[known]
+    assert {False, True} == set(shoots[known])
+    (situation,) = situations
+    assert situation.noise == (1.0, 0.2)  # that of the training
+    assert situation.rate(actions)[known] == pytest.approx(expected, abs=1e-6)
+    assert np.hypot(*stroke.velocity) <= 4.0 * (1 + 1e-6)
