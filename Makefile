@@ -62,7 +62,7 @@ web: page  ## compare the bits of the engines for browsers with Python's
 docs: page  ## build the documentation in site/; runs the tutorials, warnings are errors
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet --strict
 
-machines: $(WEB)  ## compare the bits with those of other processors and compilers, emulated (15 minutes on two cores; continues)
+machines: $(WEB)  ## compare the bits with emulated processors and other compilers (15 minutes on two cores; can be resumed)
 	$(BIN)/python -m benchmarks.machines
 
 arm: $(INSTALLED)  ## compare the bits of two frozen tasks with those of an emulated aarch64

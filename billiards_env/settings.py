@@ -1,4 +1,4 @@
-"""Settings in YAML that may come from others (extra `train`)."""
+"""Settings in YAML, also from untrusted files (extra `train`)."""
 
 from __future__ import annotations
 

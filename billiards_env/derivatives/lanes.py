@@ -105,12 +105,12 @@ class Tangents(NamedTuple):
 
     Attributes:
         drive: The tangent of `cloth.drive`.
-        coast: That of `state_laws.coast_from`.
-        slip_of: That of `state_laws.slip_of`.
-        spin_of: That of `state_laws.spin_of`.
-        distance_of: That of `balls.distance_of`.
-        meet: That of `state_laws.meet`.
-        bounce: That of `state_laws.bounce`.
+        coast: The tangent of `state_laws.coast_from`.
+        slip_of: The tangent of `state_laws.slip_of`.
+        spin_of: The tangent of `state_laws.spin_of`.
+        distance_of: The tangent of `balls.distance_of`.
+        meet: The tangent of `state_laws.meet`.
+        bounce: The tangent of `state_laws.bounce`.
     """
 
     drive: Any

@@ -143,7 +143,7 @@ class Pass(NamedTuple):
 
 @inlined
 def is_at_joint(wall, x, y, gap, outline):
-    """Returns whether a ball at (x, y) touches a cushion where its curvature changes, up to a gap, m."""
+    """Returns whether a ball at (x, y) touches a cushion where its curvature changes; `gap` is a tolerance, m."""
     near = 2.0 * JOINT + gap
     if wall < len(outline.lines):
         line = outline.lines[wall]

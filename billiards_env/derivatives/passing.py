@@ -86,8 +86,8 @@ class Side(NamedTuple):
     """A straight cushion.
 
     Attributes:
-        nx: Unit normal into the cushion along x.
-        ny: The same along y.
+        nx: The x component of the unit normal into the cushion.
+        ny: The y component.
         room: Largest coordinate of the ball along the normal, m.
     """
 
@@ -98,7 +98,7 @@ class Side(NamedTuple):
 
 @inlined
 def is_on_arc(tip, x, y):
-    """Returns whether the arc of a tip is the part of its circle that is nearest to (x, y), relative to its centre."""
+    """Returns whether the point of a tip's circle nearest to (x, y) is on its arc; (x, y) is relative to the centre."""
     return faces(tip, tip[TIP_X] + x, tip[TIP_Y] + y)
 
 

@@ -1,7 +1,7 @@
-"""The laws of a shot as functions of the states of balls, which the derivatives differentiate.
+"""The laws of a shot as functions of the states of balls, for the derivatives.
 
-The engines change rows of a `State` in place. Here the same laws take a `BallState` and return one: the motion in a
-phase, the impact of two balls, and the impact on a cushion. `LawNumbers` are the numbers that the laws read.
+The engines change rows of a `State` in place. Here the same laws take a `BallState` and return a new one: the motion in
+a phase, the impact of two balls, and the impact on a cushion. `LawNumbers` are the numbers that the laws read.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from billiards_env.physics.laws.cloth import SLIP_RATE, drive, spin_after
 from billiards_env.physics.state import LAW_NUMBERS, SLIDING, SLIDING_AND_ROLLING, SPINNING, BallState
 
 LawNumbers: Any = namedtuple("LawNumbers", (*LAW_NUMBERS, "motion", "cushion_rubs"))
-"""What the laws read of `Numbers`; also a change of it."""
+"""The fields of `Numbers` that the laws read. A change of them has the same type."""
 
 
 @inlined
@@ -51,7 +51,7 @@ def law_numbers_of(numbers):
 
 @inlined
 def law_changes(d):
-    """Returns the change of `LawNumbers` that an array with the changes of `LAW_NUMBERS` contains."""
+    """Returns the change of `LawNumbers` from an array with the changes of `LAW_NUMBERS`."""
     cloth, balls = (d[0], d[1], d[2], d[3]), (d[4], d[5], d[6], d[7])
     cushion = d[8], d[9], d[10], d[11], d[12], d[13], d[14], d[15], d[16], d[17], d[18]
     return LawNumbers(*cloth, *balls, *cushion, 0.0, 0.0)
@@ -59,10 +59,10 @@ def law_changes(d):
 
 @inlined
 def coast(ball, acceleration, phase, t, numbers):
-    """Returns the `BallState` t seconds after another one, within a phase with an acceleration (x, y), m/s^2."""
+    """Returns the `BallState` after t seconds in a phase with an acceleration (x, y), m/s^2."""
     ax, ay = acceleration
     turns = SLIP_RATE if phase == SLIDING else 0.0
-    if phase == SPINNING:  # until its end, up to rounding
+    if phase == SPINNING:  # valid until the phase ends, up to rounding
         wz = ball.wz - (numbers.spin_decay if ball.wz >= 0.0 else -numbers.spin_decay) * t
     else:
         wz = spin_after(ball.wz, t, numbers)
@@ -79,7 +79,7 @@ def coast(ball, acceleration, phase, t, numbers):
 
 @inlined
 def coast_from(ball, phase, t, numbers):
-    """Returns the `BallState` t seconds after another one, within a phase that begins there."""
+    """Returns the `BallState` after t seconds in a phase that begins with the state `ball`."""
     ax, ay, _ = drive(ball, phase, numbers)
     return coast(ball, (ax, ay), phase, t, numbers)
 
@@ -104,7 +104,7 @@ def meet(laws, are_spheres, a, b, bodies, numbers):
         laws: `SceneArrays.laws`.
         are_spheres: Whether the balls are spheres.
         a: The `BallState` of the first ball.
-        b: That of the second ball.
+        b: The `BallState` of the second ball.
         bodies: The radii and the inverse masses of both, (m, m, 1/kg, 1/kg).
         numbers: The `Numbers`.
     """
@@ -120,7 +120,7 @@ def meet(laws, are_spheres, a, b, bodies, numbers):
 
 @inlined
 def bounce(ball, n, radius, laws, numbers, solution):
-    """Returns a `BallState` after an impact on a cushion; the arguments are those of `hit_by`."""
+    """Returns the `BallState` after an impact on a cushion. The arguments are as in `hit_by`."""
     share = max(n[0] * ball.vx + n[1] * ball.vy, 0.0)
     motion = (ball.vx, ball.vy, ball.ux, ball.uy, radius * ball.wz)
     (vx, vy, ux, uy, rwz), _ = hit_by(motion, n, share, 0.0, radius, laws, numbers, solution)

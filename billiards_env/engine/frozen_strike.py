@@ -7,8 +7,8 @@ The tip pushes for about a millisecond, longer than an impact of two balls lasts
   `physics.clusters.impulses`. Measured directions: Alciatore, TP A.15.
 * The tip pushes a larger mass. An impulse of the tip that gives the free ball the energy m V^2 (1 + k) / 2 gives these
   balls the energy m V^2 (push + k) / 2. `strike.impulse_gain` computes the impulse from this energy. Friction and
-  the direction of the balls are those at the speed of the free ball. The cue counts as level, and in scenes with flight
-  so do the normals of balls of different size.
+  the direction of the balls are computed at the speed of the free ball. The cue is taken as level. In scenes with
+  flight the normals of balls of different size are taken as horizontal.
 * A share `LEFT` of the speed of approach remains at the start of the shot, so its first event is an ordinary impact of
   the balls. With the restitution `e_ball` the ratio of their speeds after a full hit is (1 - LEFT e_ball) /
   (1 + LEFT e_ball).

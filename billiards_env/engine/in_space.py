@@ -3,9 +3,9 @@
 A ball flies if it is above the cloth or has a vertical velocity, see `physics.laws.flight`. It meets the slate, the
 noses of the cushions (`physics.geometry.noses`), pockets and other balls.
 
-**Balls of different size.** A height is measured from the height of the ball's centre on the cloth. So the centres of
-two balls on the cloth differ in height by the difference of their radii, and the normal is inclined. The impact lifts
-the larger ball and presses the smaller one into the slate, on which it lands at the same instant.
+**Balls of different size.** The height of a ball on the cloth is 0, whatever its radius. So the centres of two balls on
+the cloth differ in height by the difference of their radii, and the normal is inclined. The impact lifts the larger
+ball. It presses the smaller ball into the slate, so this ball lands at the same instant.
 
 **Bodies that carry a ball.** Gravity presses a ball above the cloth against the ball or the nose below it. There the
 contact-time rule of `contact_rule` acts with A = g |n_z| and tau = sqrt(2 h / g), where n is the normal and h is

@@ -57,7 +57,7 @@ def predict_phase_end(i, work):  # out: work
 
 @inlined
 def depth(i, j, here, scene):
-    """Implements `Space.depth`. If both balls are on the cloth, the horizontal part is the overlap along the cloth."""
+    """Implements `Space.depth`. For balls on the cloth, its horizontal component is the overlap along the cloth."""
     dx, dy, dz = _way(i, j, here, scene)
     level = norm(dx, dy)
     if here[i, UP] == 0.0 and here[j, UP] == 0.0 and level > 0.0:
@@ -74,7 +74,7 @@ def _way(i, j, here, scene):
 
 @inlined
 def shift(i, way, work):  # out: work
-    """Implements `Space.shift`: a ball is never below its height on the cloth, and a ball on the cloth stays there."""
+    """Implements `Space.shift`. No ball moves below its height on the cloth, and a ball on the cloth stays on it."""
     pit_on_cloth.shift(i, way, work)
     if work.here[i, UP] > 0.0:
         work.here[i, UP] = work.state.rows[i, Z] = max(work.here[i, UP] + way[UPWARDS], 0.0)

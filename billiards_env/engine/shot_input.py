@@ -386,7 +386,7 @@ def _check_in_air(scene: Scene, shot: ShotInput, z: Floats, flies: NDArray[np.bo
 def _are_free(kernels, scene, places, flying):
     """Returns whether balls at `places`, (m, n, 3) m, are between the noses or over a pocket, and overlap no nose.
 
-    `flying`, (m, n) bool, are the balls to test.
+    `flying`, (m, n) bool, marks the balls to test.
     """
     arrays, free = scene_of(kernels, scene, 0), True
     for k in range(len(places)):

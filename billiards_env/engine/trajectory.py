@@ -135,7 +135,7 @@ class Trajectory(NamedTuple):
         return np.where(moves[:, None], rows[:, [VX, VY]] + since[:, None] * rows[:, [AX, AY]], 0.0)
 
     def spins(self, ball: int, times: Floats, radius: float, spin_decay: float) -> Floats:
-        """Returns the spins of a ball, (m, 3) rad/s, as `velocities`; `spin_decay` is that of the scene, rad/s^2."""
+        """Returns the spins of a ball at times (m,), s, as (m, 3) rad/s; `spin_decay` as in `Physics`, rad/s^2."""
         pieces = self._pieces(ball, times)
         since, rows, phase = self._since(pieces, times), self.rows[pieces], self.phase[pieces]
         rates = np.where(phase == SLIDING, SLIP_RATE * since, 0.0)[:, None]

@@ -106,7 +106,7 @@ def passing_direction(dx, dy, reach, offset):
 
 @kernel
 def cut(a0, a1, dx, dy, reach, max_speed):
-    """Returns the stroke of an action in the frame "cut"; `dx`, `dy` and `reach` as in `passing_direction`."""
+    """Returns the stroke of an action in the frame "cut"; `dx`, `dy` and `reach` are as in `passing_direction`."""
     x, y = passing_direction(dx, dy, reach, a0)
     speed = between(LEAST_SPEED / max_speed, 1.0, a1)
     return speed * x, speed * y
@@ -114,7 +114,7 @@ def cut(a0, a1, dx, dy, reach, max_speed):
 
 @kernel
 def sum_to_three(a0, a1, dx, dy, reach, max_speed):
-    """Returns the stroke of an action in the frame "sum_to_three"; arguments as in `passing_direction`."""
+    """Returns the stroke of an action in the frame "sum_to_three"; the arguments are as in `passing_direction`."""
     _, offset = cos_sin(a1 * (SUM_TO_THREE_CUT / 180.0))
     x, y = passing_direction(dx, dy, reach, offset)
     speed = SUM_TO_THREE_GAIN * between(SUM_TO_THREE_SPEEDS[0], SUM_TO_THREE_SPEEDS[1], a0) / max_speed

@@ -53,10 +53,10 @@ class Action(NamedTuple):
     Attributes:
         summary: What the numbers are, for the documentation.
         size: Number of numbers of the velocity (2) or of the strike (5) that is played.
-        converter: Returns from a scene and the largest speed, m/s, an object whose method `strokes` converts actions
-            (k, 2) and `Tables` to actions "velocity" (k, 2), which are velocities divided by the largest speed. If it
-            has the attribute `choices` > 0, an action is a whole number below it, actions are (k,), and the method
-            `mask` returns the possible ones, (k, choices) int8. None for an action that is played as it is.
+        converter: A function of a scene and the largest speed, m/s. It returns an object whose method `strokes`
+            converts actions (k, 2) and `Tables` to actions "velocity" (k, 2): velocities divided by the largest speed.
+            If the object has the attribute `choices` > 0, actions (k,) are whole numbers below it, and its method
+            `mask` returns which are possible, (k, choices) int8. None for an action that is played as it is.
         has_cue: Whether a cue strikes the cue ball, which gives it spin and drives balls that touch it.
         is_choice: Whether an action is a whole number.
     """

@@ -130,5 +130,5 @@ def masked_info(info: dict[str, NDArray[Any]], mask: NDArray[np.bool_]) -> dict[
 
 @functools.cache
 def _mask_keys(keys: tuple[str, ...]) -> list[str]:
-    """Returns the keys of the masks of keys of `info`."""
+    """Returns the key of the mask of each key of `info`."""
     return [f"_{key}" for key in keys]

@@ -119,7 +119,7 @@ def is_going_on(state: State) -> Bools:
 
 
 def conversion(model: Model, converter: Any, shooting: Callable[[State], Bools]) -> Callable[..., Floats]:
-    """Returns the part that makes strokes of actions with a converter, in the episodes with a shot."""
+    """Returns the part that converts actions to strokes with a converter, in the episodes with a shot."""
 
     def convert(state: State, begin: int, end: int, actions: NDArray[Any]) -> Floats:
         rows = begin + np.flatnonzero(shooting(state)[begin:end])

@@ -338,7 +338,7 @@ def end(state, winner):
 
 @inlined
 def lowest(balls):
-    """Returns the number of the lowest ball in a set, which is not empty."""
+    """Returns the lowest ball number in a set that is not empty."""
     return size((balls & -balls) - 1)
 
 

@@ -447,7 +447,7 @@ def play(setup: Setup, game: GameState, stroke: Stroke) -> PlayedShot:
 def check_stroke(scene: Scene, stroke: Stroke, of: str = "", name: str = "stroke") -> None:
     """Raises a TypeError or a ValueError unless a stroke has numbers within their ranges, see `checks.RANGES`.
 
-    The messages call the stroke `name`, and `of` follows the names of its parts, such as " of player 'mine'".
+    `name` is the name of the stroke in messages. `of` follows each name, such as " of player 'mine'".
     """
     call = getattr(stroke, "call", None)
     for part, value, kind in ((f"{name}{of}", stroke, Stroke), (f"{name}.call{of}", call, Call)):

@@ -6,7 +6,7 @@ Modules:
     indirect: Combinations, caroms and kicks.
     hits: The hit of the cue ball on an object ball, and the motion of both after it.
     paths: The path of a ball that meets no other ball.
-    rims: The rim of a pocket from a point.
+    rims: The rim of a pocket as seen from a point.
     plans: The action "plan" of environments.
     budget: The time or the number of shots of a decision.
 """

@@ -42,7 +42,7 @@ class Plans:
             raise ValueError("action = 'plan': expected an object ball and a table with pockets")
 
     def strokes(self, plans: Floats, tables: Tables) -> Floats:
-        """Returns the velocities (k, 2) of the cue balls, divided by the largest speed, of plans (k,).
+        """Returns the velocities (k, 2) of the cue balls, divided by the largest speed, for plans (k,).
 
         Raises:
             ValueError: If a plan is not a whole number in its range.
@@ -63,7 +63,7 @@ class Plans:
         return (possible | ~possible.any(axis=1, keepdims=True)).astype(np.int8)
 
     def _pots(self, tables: Tables) -> Floats:
-        """Returns the strokes (k, *shape, 2) of each plan, 0 for a plan that is no pot."""
+        """Returns the strokes (k, *shape, 2) of all plans, 0 for a plan without a pot."""
         objects = np.broadcast_to(np.arange(tables.in_play.shape[1]) > 0, tables.in_play.shape)
         pots = find_pots(tables._replace(legal=objects))
         by_choice = np.zeros((len(tables.positions), *self.shape, 2))

@@ -1,4 +1,4 @@
-"""The rim of a pocket as the search for pots sees it: its ends from a point, and its distance from lines.
+"""The rim of a pocket in the search for pots: its ends as seen from a point, and its distance from lines.
 
 The argument `pocket` is a row of `SceneArrays.pockets`, as in `physics.geometry.pockets`.
 """
@@ -34,7 +34,7 @@ def half_width_of(pocket):
 
 @inlined
 def segment_gap(pocket, ax, ay, bx, by):
-    """Returns the distance of the segment from (ax, ay) to (bx, by) from the rim, m; negative if it enters."""
+    """Returns the gap between a segment, from (ax, ay) to (bx, by), and the rim, m; negative if the segment enters."""
     x, y, radius = bounding_circle(pocket)
     return distance_to_segment(ax, ay, bx, by, x, y) - radius
 
@@ -49,7 +49,7 @@ def distance_along(pocket, x, y, dx, dy):
 
 @inlined
 def circle_tangent(to_x, to_y, radius, side):
-    """Returns the direction, (x, y), of a tangent of a circle with its centre at (to_x, to_y).
+    """Returns the direction, (x, y), of a tangent to a circle with the centre (to_x, to_y).
 
     The tangent begins at the origin. The circle is on its right (side = 1) or left (side = -1).
     """
@@ -86,7 +86,7 @@ def rim_ends(pocket, x, y, room_x, room_y, slack):
 
 @inlined
 def _wider(ends, to_x, to_y, x, y, most_x, most_y):
-    """Returns the ends of a rim after they are extended by a point that a ball can reach."""
+    """Returns the ends of a rim, moved outwards to a point if a ball can reach it."""
     if abs(x + to_x) > most_x or abs(y + to_y) > most_y:
         return ends
     right_x, right_y, left_x, left_y = ends

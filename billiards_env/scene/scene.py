@@ -212,7 +212,7 @@ class Physics:
         ball_ball: "frictionless" or "frictional" (impacts of balls with friction, which throws balls and transfers
             spin; needs `motion="sliding"`).
         flight: Whether balls leave the cloth, see `physics.laws.flight`. It needs `motion="sliding"` and finite masses.
-            Balls of several sizes must be spheres.
+            Balls of different size must be spheres.
         g: Gravity, m/s^2.
         mu_slide: Coefficient of sliding friction between ball and cloth.
         mu_roll: Coefficient of rolling resistance between ball and cloth.

@@ -31,9 +31,9 @@ def check_scatter(scatter: Mapping[str, Any] | None) -> NDArray[np.float64] | No
 
 
 def deviations(what: str, given: Any, usual: Mapping[str, float], within: str = "") -> dict[str, float]:
-    """Returns the usual standard deviations with those that are given, by name, after a check.
+    """Returns standard deviations by name, after a check: those that are given, and the usual ones for other names.
 
-    `within` is a name in `RANGES`; without it, each name is one.
+    `within` is a name in `RANGES`. By default each standard deviation has the range of its own name.
     """
     if not isinstance(given, Mapping):
         raise TypeError(f"{what} = {short(given)}: expected a mapping from {', '.join(usual)} to numbers")

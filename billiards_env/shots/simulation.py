@@ -186,7 +186,7 @@ def run_shot(
 
 
 def _only_row(outcome: dict[str, Any]) -> dict[str, Any]:
-    """Returns the only row of each array, as a number if it is one."""
+    """Returns the only row of each array, as a number if the row is one number."""
     return {
         name: array if array is None else array.item() if array.ndim == 1 and name != "measures" else array[0]
         for name, array in outcome.items()

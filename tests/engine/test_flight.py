@@ -350,7 +350,7 @@ def test_the_push_of_a_ball_off_another_one_exchanges_momentum():
 
 
 SIZES = dataclasses.replace(scene(), balls=Balls((0.024, 0.036, R), (0.09, 0.3, 0.17), shape="sphere"))
-REACH, TOUCH = 0.024 + 0.036, 2 * math.sqrt(0.024 * 0.036)  # of balls 0 and 1: in space, and along the cloth
+REACH, TOUCH = 0.024 + 0.036, 2 * math.sqrt(0.024 * 0.036)  # balls 0 and 1 in contact: in space, on the cloth
 
 
 @pytest.mark.parametrize(("ball", "other"), [(0, 1), (1, 0)])
@@ -365,7 +365,7 @@ def test_an_impact_on_the_cloth_presses_the_smaller_ball_down_and_lifts_the_larg
     cosine, sine = TOUCH / REACH, (0.036 - 0.024) / REACH
     mass = np.array(smooth.balls.mass)
     push = 1.95 * hit["speed"] / (1 / mass[:2]).sum()
-    ahead = 1 if ball == 0 else -1  # of the larger ball, from the smaller one
+    ahead = 1 if ball == 0 else -1  # 1 if the larger ball is in front of the smaller one
     speeds = np.array([[-ahead * cosine, -sine], [ahead * cosine, sine]]) * push / mass[:2, None]
     speeds[ball, 0] += hit["speed"] / cosine
     small, large = pieces(shot, 0), pieces(shot, 1)
@@ -399,7 +399,7 @@ def test_a_nose_has_the_height_above_the_cloth_that_is_given(ball):
 
 
 def test_balls_of_two_sizes_may_touch_at_the_start_but_not_overlap():
-    above = REACH + 0.024 - 0.036 - 1e-13  # of ball 1, on the cloth, if ball 0 is below it
+    above = REACH + 0.024 - 0.036 - 1e-13  # the height of ball 1 on top of ball 0
     for ball, height in ((1, above), (0, REACH + 0.036 - 0.024 - 1e-13)):
         places = np.zeros((3, 3))
         places[2, 0], places[ball, 2] = 1.0, height
@@ -416,7 +416,7 @@ def test_balls_of_two_sizes_may_touch_at_the_start_but_not_overlap():
 
 
 def test_balls_of_two_sizes_that_friction_presses_together_on_the_cloth_stay_close():
-    """Gravity does not press them. With its contact time, the hops would be a hundred times as long."""
+    """Gravity does not press the balls together. With the contact time of gravity, hops would be 100 times as long."""
     shot = play([-TOUCH, 0], [0.0, 0.0], (0.0, 60.0, 0.0), [[0.0, 0.0], FAR[1]], scene=SIZES, max_time=0.1)
     times = np.linspace(0.0, 0.1, 2001)
     assert shot.n_contact_rule > 100

@@ -126,7 +126,7 @@ def test_a_cut_of_spheres_of_different_size_is_the_sine_of_the_cut_angle():
         assert (line[1] * way[0] - line[0] * way[1]) / apart == pytest.approx(offset, abs=1e-9)
 
 
-@example(0.0, 0.0, 0.0, 5e-324)  # the reach over this distance is infinite
+@example(0.0, 0.0, 0.0, 5e-324)  # reach / distance overflows to infinity
 @given(shares, shares, st.floats(-2.0, 2.0), st.floats(-1.0, 1.0))
 def test_mirrored_balls_and_cuts_mirror_bit_for_bit(a0, a1, dx, dy):
     def by_offset(a, x, y):

@@ -37,7 +37,7 @@ def played(env: Any, action: Any) -> Any:
 
 
 def space_of(env: Any) -> Any:
-    """Returns the space of the actions; of a game, those of the first player."""
+    """Returns the action space; in a game, the action space of the first player."""
     return env.action_space("player_0") if hasattr(env, "agents") else env.action_space
 
 

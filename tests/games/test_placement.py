@@ -207,7 +207,7 @@ START = (TABLE.head_x, -0.1825 / 1.42 * TABLE.width)
 AWAY_3 = [(-0.3, 0.2), (0.4, 0.3), (0.5, -0.4)]
 STRUCK_2, RERACK = {"player": 1, "cue_balls": (2, 0)}, Call(kind="rerack")
 SET_UP = [
-    # the game, its state, the shot or the call, then: the place of each ball; None for one that stays
+    # the game, its state, the shot or the call, and the place of each ball after it; None if the ball stays
     ("carom", {}, "hit 0 1", [None, None, None]),
     ("carom", {}, "off 1", [HEAD_SPOT, FOOT_SPOT, START]),  # UMB, art. 28, paper F
     ("carom", STRUCK_2, "off 2", [START, FOOT_SPOT, HEAD_SPOT]),

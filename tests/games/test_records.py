@@ -162,7 +162,7 @@ GAME_FAULTS = [
 
 
 def changed(text, path, value, is_new=False):
-    """Returns a text with another value at a path, without a value or, if `is_new`, with one more."""
+    """Returns a text with the value at a path changed or removed or, if `is_new`, with a value added."""
     data = json.loads(text)
     *parents, last = path
     inner = functools.reduce(operator.getitem, parents, data)

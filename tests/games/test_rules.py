@@ -1,4 +1,4 @@
-"""The rules of all games, shot by shot, on constructed events. Numbers are those of the rules that a family cites."""
+"""The rules of all games, shot by shot, on constructed events. Numbers in comments are rules that a family cites."""
 
 from typing import Any
 
@@ -78,7 +78,7 @@ def test_legal_balls(rules, fields, player, legal):
         assert set(settings.callable(before, player)) == legal
 
 
-# Verdicts: the state, the events or the facts of the shot, what the rules make of it, and the call.
+# Verdicts: the state, the events or the facts of the shot, the expected ruling, and the call.
 
 ANYWHERE: dict[str, Any] = {"in_hand": "anywhere"}
 BEHIND: dict[str, Any] = {"in_hand": "behind"}
@@ -116,11 +116,11 @@ NINE_BALL = [
     (PUSH, "hit 0 5", ruling(**HAND_BACK), PUSH_OUT),
     (PUSH, "hit 0 5, pocket 0", ruling("scratch", **ANYWHERE), PUSH_OUT),
     (PUSH, "hit 0 9, pocket 9", ruling(spotted=(9,), **HAND_BACK), PUSH_OUT),  # 2.6
-    (PUSH | {"fouls": (2, 0)}, "hit 0 5, off 5", won(1, "driven_off", **ANYWHERE), PUSH_OUT),  # only 6.2, 6.3 are off
+    (PUSH | {"fouls": (2, 0)}, "hit 0 5, off 5", won(1, "driven_off", **ANYWHERE), PUSH_OUT),  # suspends only 6.2, 6.3
     ({"player": 1}, "hit 0 1, hit 1 9, pocket 9", won(1, continues=True)),
     ({"fouls": (1, 2), "player": 1}, "cushion 0", won(0, "no_hit", **ANYWHERE, fouls=(1, 3))),
     ({"fouls": (1, 0)}, "cushion 0", MISS | {"fouls": (2, 0)}),
-    ({"players": 3, "fouls": (2, 0, 0)}, "", MISS | {"player": 1}),  # 2.8: with two players alone
+    ({"players": 3, "fouls": (2, 0, 0)}, "", MISS | {"player": 1}),  # 2.8: only with two players
     ({"players": 3, "player": 2}, "", MISS | {"player": 0}),
     ({"idle": 5}, "hit 0 1, cushion 1", ruling(idle=6)),  # 1.12
     ({"idle": 5}, "hit 0 1, pocket 1", ruling(continues=True, idle=0)),
@@ -244,7 +244,7 @@ LEGAL_HIT = "hit 0 3, cushion 3"
 THREE_POTTED: dict[str, Any] = {"on_table": (0, *range(4, 16))}  # the balls 1, 2 and 3
 ONE_POCKET = [
     ({}, LEGAL_HIT, ruling()),
-    # Only a ball in the own pocket scores and continues (3.1): pocket 2 of player 0, and pocket 3 of player 1.
+    # Only a ball in the player's own pocket scores and continues (3.1): pocket 2 of player 0, and pocket 3 of player 1.
     ({}, "hit 0 3, pocket 3 2", ruling(points=1, continues=True)),
     ({"player": 1}, "hit 0 3, pocket 3 3", ruling(points=1, continues=True)),
     ({}, "hit 0 3, pocket 3 3", ruling(penalty=1)),
@@ -252,7 +252,7 @@ ONE_POCKET = [
     ({}, "hit 0 3, pocket 3 2, pocket 4 3", ruling(points=1, penalty=1, continues=True)),
     # Balls in the other four pockets are spotted (1).
     ({}, "hit 0 3, pocket 3 2, pocket 4 1, pocket 5 5", ruling(points=1, continues=True, spotted=(4, 5))),
-    # The break needs what every shot needs (2.2), and may touch a cushion first.
+    # The break has the requirements of any shot (2.2). The cue ball may touch a cushion first.
     ({"break_shot": True}, "cushion 0, hit 0 1, cushion 1", ruling()),
     ({"break_shot": True}, "hit 0 1", ruling("no_cushion", -1)),
     # A foul costs a point; a player who has one spots a ball (6.2). The cue ball stays, except after a scratch (6.3).
@@ -260,12 +260,12 @@ ONE_POCKET = [
     ({}, "hit 0 1, off 3", ruling("driven_off", -1, spotted=(3,))),
     (THREE_POTTED | {"scores": (2, 1)}, "", ruling("no_hit", -1, spotted=(1,))),
     (THREE_POTTED | {"scores": (0, 3)}, "", ruling("no_hit", -1)),
-    ({"scores": (1, 0)}, "", ruling("no_hit", -1)),  # of a state with all balls on the table
+    ({"scores": (1, 0)}, "", ruling("no_hit", -1)),  # all balls are on the table, so none is spotted
     ({}, "hit 0 3, pocket 3 2, pocket 0", ruling("scratch", -1, **BEHIND, spotted=(3,))),
     ({}, "hit 0 3, pocket 3 3, pocket 0", ruling("scratch", -1, **BEHIND, spotted=(3,))),
-    # Without a hit a ball moves only if it touches another that the cue drives. The ball counts for its owner.
+    # Without a hit, a ball moves only if it touches a ball that the cue drives. It counts for the owner of the pocket.
     ({}, "pocket 3 3, pocket 4 2", ruling("no_hit", -1, penalty=1, spotted=(4,))),
-    # Owed balls are spotted as they score (6.4), for either player.
+    # Owed balls are spotted when they score (6.4), for either player.
     ({"scores": (-1, 0)}, "hit 0 3, pocket 3 2", ruling(points=1, continues=True, spotted=(3,))),
     ({"scores": (-1, 0)}, "hit 0 3, pocket 5 2, pocket 3 2", ruling(points=2, continues=True, spotted=(3,))),
     ({"scores": (-2, 0)}, "hit 0 3, pocket 5 2, pocket 3 2", ruling(points=2, continues=True, spotted=(3, 5))),
@@ -297,7 +297,7 @@ BANK_POOL = [
     ({}, "hit 0 4, hit 4 3, cushion 3, pocket 3", ruling(spotted=(3,))),  # a combination
     ({}, "hit 0 4, hit 0 3, cushion 3, pocket 3", ruling(spotted=(3,))),  # a carom
     ({}, TWO_BANKS, ruling(points=1, continues=True, spotted=(5,))),
-    # On the break potted balls do not score, and the shooter continues (2.1). It has no requirement (2.2).
+    # On the break potted balls do not score, and the shooter continues (2.1). The break has no requirements (2.2).
     ({"break_shot": True}, BANK, ruling(continues=True, spotted=(3,))),
     ({"break_shot": True}, "hit 0 1, cushion 1", ruling()),
     # The called ball scores in the called pocket (3.1).
@@ -335,7 +335,7 @@ BLACKBALL = [
     (BREAK, "hit 0 1, pocket 2, pocket 0", ruling("scratch", **BEHIND)),
     (BREAK, "hit 0 1, pocket 8", ruling(continues=True, spotted=(8,))),
     (BREAK, "hit 0 1, pocket 8, pocket 0", ruling(continues=True, spotted=(8,), **BEHIND)),
-    # Balls of one group decide the groups; of both, they do not.
+    # Pots of one group decide the groups; pots of both groups do not.
     ({}, "hit 0 12, hit 12 7, pocket 7", ruling(continues=True, solids=0)),
     ({"player": 1}, "hit 0 12, pocket 12, pocket 9", ruling(continues=True, solids=0)),
     ({}, "hit 0 12, pocket 12", ruling(continues=True, solids=1)),
@@ -350,7 +350,7 @@ BLACKBALL = [
     (REDS, "hit 0 3, pocket 3, pocket 0", ruling("scratch", solids=0, **BEHIND)),
     (REDS, "hit 0 3, pocket 3, off 0", ruling("scratch", solids=0, **BEHIND)),
     (REDS, "hit 0 1, off 3", ruling("driven_off", solids=0, spotted=(3,))),
-    # Balls of the other group alone are a foul; together with balls of the own group they are not.
+    # Pots of the other group alone are a foul; together with a pot of the player's own group they are not.
     (REDS, "hit 0 3, pocket 9", ruling("wrong_pot", solids=0)),
     (REDS, "hit 0 3, pocket 9, pocket 3", ruling(continues=True, solids=0)),
     (ON_BLACK, "hit 0 8, pocket 9", ruling("wrong_pot", solids=0)),

@@ -41,7 +41,7 @@ SPOTTED = [
     ((YELLOW,), SPOTS[[YELLOW, BLACK, PINK]], [SPOTS[BLUE]]),
     ((YELLOW, BLUE), SPOTS[[YELLOW, BLUE]], SPOTS[[PINK, BLACK]]),  # 3.7 f: the colour of the highest value is first
     ((PINK,), [SPOTS[1]], [SPOTS[PINK]]),  # 3.7 i: the first red at the start does not touch the pink
-    ((YELLOW,), SPOTS[16:], [ABOVE_YELLOW]),  # 3.7 g: without a free spot towards the top cushion
+    ((YELLOW,), SPOTS[16:], [ABOVE_YELLOW]),  # 3.7 g: towards the top cushion if no spot is free
     ((BLACK,), [*SPOTS[16:], *ABOVE_BLACK], [SPOTS[BLACK] - [2 * R + SPOT_GAP, 0.0]]),  # 3.7 h: or else below
 ]
 
@@ -121,7 +121,7 @@ BEHIND_FREE_BALL = [
     (AHEAD | {BLUE: (0.5, 0.0), RED_2: (0.0, 0.5)}, BLUE, False),
     (AHEAD | {BLUE: (0.5, 0.0), GREEN: (0.3, 0.0)}, BLUE, False),  # the green is nearer and snookers as well
     (AHEAD | {BLUE: (0.5, 0.0), GREEN: (0.7, 0.0)}, BLUE, True),
-    ({CUE: (0.0, 0.0), PINK: (1.0, 0.0), BLACK: (0.5, 0.0)}, BLACK, False),  # pink and black alone
+    ({CUE: (0.0, 0.0), PINK: (1.0, 0.0), BLACK: (0.5, 0.0)}, BLACK, False),  # only the pink and the black are left
 ]
 
 

@@ -83,7 +83,7 @@ def record_of(text, cue=0):
 
 
 def words(row):
-    """Returns a row of a structured array in words, with attributes."""
+    """Returns a row of a structured array as an object, whose attributes are in words."""
     return SimpleNamespace(**to_dict(row))
 
 
@@ -119,7 +119,7 @@ def one_shot(rules, before, shot, call=NO_CALL):
 
 
 def judge(rules, before, shot, call=NO_CALL):
-    """Returns the state before the next shot, and in words this state with the verdict; `shot` is as in `one_shot`."""
+    """Returns the state before the next shot, and its fields and the verdict in words; `shot` is as in `one_shot`."""
     (after,), (verdict,) = referee.judge_shots(rules, *one_shot(rules, before, shot, call))
     return after, OWN | to_dict(after) | to_dict(verdict)
 
@@ -132,7 +132,7 @@ def next_game(rules, scene, before, positions, shot, call=NO_CALL):
 
 
 OWN = {"solids": -1, "colour": False, "free_ball": False}
-"""Fields of the own states of some games."""
+"""Fields that only the states of some games have."""
 
 FACTS = tuple({fact for game in GAMES.values() for fact in game.facts})
 
@@ -143,7 +143,7 @@ def facts_in_words(events, cue=0):
 
 
 def ruling(foul="", points=0, **fields):
-    """Returns what the rules make of a shot, in words: the verdict, and the fields of the next state that they set."""
+    """Returns the expected ruling on a shot, in words: the verdict, and the fields of the next state that it sets."""
     usual = {"penalty": 0, "continues": False, "spotted": (), "rack": ""}
     after = {"in_hand": "no", "choices": (), "over": False, "winner": -1, **OWN}
     return {"foul": foul, "points": points, **usual, **after, **fields}

@@ -155,7 +155,7 @@ def test_noses_end_at_the_circles_of_pockets():
 
 
 def test_each_ball_has_the_noses_of_its_radius():
-    """The pocket reaches the noses of large balls, but not that of a small one, which is farther from it."""
+    """The pocket reaches the noses of large balls, but not the noses of small balls, which are farther away."""
     a_table, radii = TABLES["octagon"], (0.03, 0.02, 0.036, 0.02)
     half, depths = a_table.width / 2, [radius - math.sqrt(radius**2 - (H - radius) ** 2) for radius in radii]
     pockets = [(0.0, half + 0.05, 0.054)]

@@ -197,7 +197,7 @@ def shot_of(model) -> Any:
 def test_a_key_aims_at_the_ball_and_the_pocket_under_the_mouse(shown):
     pocket = shown.model.setup.scene.table.pockets[3]
     assert shot_of(hint(shown, BALLS[2])).potted.tolist() == [False, False, True]
-    model = hint(shown, (pocket.x - 0.01, pocket.y))  # of the ball that is aimed at
+    model = hint(shown, (pocket.x - 0.01, pocket.y))  # a pocket for the ball that is aimed at
     assert shot_of(model).positions[2].tolist() == [pocket.x, pocket.y]
     assert hint(shown, (-0.9, -0.4)) is model
     assert shown.message == "point at a ball or a pocket"
@@ -206,7 +206,7 @@ def test_a_key_aims_at_the_ball_and_the_pocket_under_the_mouse(shown):
 def test_shift_and_the_key_aim_for_the_best_shot(window, monkeypatch):
     monkeypatch.setattr("billiards_env.play.window.HINT_TIME", 0.05)
     shown = window(scene=Scene.named("jump_pool", 2))
-    hint(shown, BALLS[2])  # needs derivatives; the planner does not
+    hint(shown, BALLS[2])  # this hint needs derivatives; the planner does not
     assert shown.message == "no aim help for flights"
     for _ in range(2):  # the first search may spend its time on compilation
         press(shown, pygame.K_a, mod=SHIFT)

@@ -1,4 +1,4 @@
-"""The rims of pockets from a point: they agree with the methods of `Pocket`."""
+"""The rims of pockets as seen from a point: they agree with the methods of `Pocket`."""
 
 import numpy as np
 import pytest

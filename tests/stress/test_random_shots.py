@@ -51,7 +51,7 @@ def test_flights_of_balls_of_any_sizes_pass_all_checks(seed, spread):
 
 
 def test_flights_of_pit_come_to_rest():
-    """A small ball between a cushion and a larger ball once lifted it by its rounding in each timestep, without end."""
+    """Rounding once let a small ball at a cushion lift a larger ball next to it in each timestep, without end."""
     family: Any = families.FAMILIES["rain of 6 balls of several sizes"]
     scene, places, velocities, spins = family(np.random.default_rng(3), 300)
     batch = simulate_batch(scene, places, velocities, spins=spins, engine=Engine("pit", 1 / 60))

@@ -121,15 +121,15 @@ class World:
         return self.radius[j] - self.radius[i] if self.spheres else mpmath.mpf(0)
 
     def reach(self, i: int, j: int) -> Real:
-        """Returns the distance of the centres of balls i and j that touch, m.
+        """Returns the distance between the centres of balls i and j when they touch, m.
 
-        In scenes without flight it is the horizontal distance (theorem of Pythagoras).
+        In scenes without flight it is the horizontal distance, by the Pythagorean theorem.
         """
         rise = 0 if self.flight else self.rise(i, j)
         return mpmath.sqrt((self.radius[i] + self.radius[j]) ** 2 - rise**2)
 
     def offset(self, i: int, j: int, at: Vector, other: Vector) -> Vector:
-        """Returns the vector from the centre of ball i, which is at `at`, to that of ball j, which is at `other`, m."""
+        """Returns the vector from the centre of ball i, at `at`, to the centre of ball j, at `other`, m."""
         x, y, *heights = minus(other, at)
         return (x, y, *(z + self.rise(i, j) for z in heights))
 

@@ -192,9 +192,9 @@ def _beyond_noses(noses, x, y, z, radius, scene):
 
 @inlined
 def _touch(noses, i, j, higher, scene):
-    """Returns how much higher the centre of ball i is than that of ball j, and the distance at which they touch, m.
+    """Returns the height of the centre of ball i above the centre of ball j, and the distance at which they touch, m.
 
-    `higher` is the difference of their heights above the cloth, m. Without flight only horizontal distances count.
+    `higher` is the difference between their heights above the cloth, m. Without flight only horizontal distances count.
     """
     radius = scene.radius
     if noses is None:

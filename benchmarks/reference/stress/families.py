@@ -74,7 +74,7 @@ def _jumps(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | N
 
 def rain(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | None]:
     """Returns shots in which half of the balls are in the air at the start, and all move and spin."""
-    disks = dataclasses.replace(scene.balls, shape="disk")  # balls of any heights do not overlap
+    disks = dataclasses.replace(scene.balls, shape="disk")  # so the balls do not overlap at any heights
     plan = dataclasses.replace(scene, balls=disks, physics=dataclasses.replace(scene.physics, flight=False))
 
     def shots(rng: np.random.Generator, m: int) -> RandomShots | None:
@@ -89,11 +89,11 @@ def rain(scene: Scene) -> Callable[[np.random.Generator, int], RandomShots | Non
 
 
 SIZES = Balls((0.024, 0.03, 0.022, 0.04, 0.025, 0.035), (0.09, 0.17, 0.3, 0.35, 0.02, 0.1), shape="sphere")
-"""Six spheres of several sizes and masses."""
+"""Six spheres of different sizes and masses."""
 
 
 def _rain_on_outline(rng: np.random.Generator, m: int) -> RandomShots | None:
-    """Returns shots of `_rain` on a table with jaws that end in or in front of the pockets, or without pockets."""
+    """Returns shots of `rain` on a table with jaws that end in or in front of the pockets, or without pockets."""
     table = Table.named(str(rng.choice(["pool_7ft", "uk_7ft"])))
     if rng.random() < 0.2:
         table = dataclasses.replace(table, pockets=())

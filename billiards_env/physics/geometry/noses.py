@@ -69,7 +69,7 @@ _TOUCH = 1e-15
 
 
 class Noses(NamedTuple):
-    """The noses of a table for a ball.
+    """The noses of a table for balls of one radius.
 
     Attributes:
         lines: (k, 8) float64, the straight noses, with the columns of `Outline.lines`.
@@ -90,8 +90,8 @@ class NosesOfBalls(NamedTuple):
     """The `Noses` of n balls, one ball after the other.
 
     Attributes:
-        lines, tips, ends: The rows of these arrays of `Noses`.
-        bounds: (n + 1, 3) int64, the first row of each ball in these arrays, and their lengths.
+        lines, tips, ends: The arrays of these names in `Noses`, joined.
+        bounds: (n + 1, 3) int64, the first row of each ball in each array, then the lengths of the arrays.
         inset: (n,) float64.
         height: (n,) float64.
     """
@@ -119,7 +119,7 @@ def nose_arrays(
 
     Args:
         outline: The `Outline`.
-        radii: (n,) m.
+        radii: The radii of the balls, (n,) m.
         numbers: The `Numbers`.
         pockets: (p, 3) x, y and radius of the circles of the pockets, m.
     """
@@ -137,7 +137,7 @@ def nose_arrays(
 
 
 def _noses(outline: Outline, radius: float, numbers: Any, pockets: Sequence[Sequence[float]]) -> Noses:
-    """Returns the `Noses` for a radius, m. The arguments are those of `nose_arrays`."""
+    """Returns the `Noses` for a radius, m. The other arguments are as in `nose_arrays`."""
     sin = numbers.cushion_height / radius - 1.0
     inset = radius * (1.0 - math.sqrt(1.0 - sin * sin))
     lines, tips = outline.lines.tolist(), outline.tips.tolist()
@@ -331,7 +331,7 @@ def edge_time(path, end, noses):
 
 @inlined
 def is_beyond_noses(x, y, noses, scene):
-    """Returns whether a point is farther out than the lines of the noses, which go on through the pockets."""
+    """Returns whether a point is farther out than the lines of the noses, which continue across the pockets."""
     return scene.walls.deepest_overlap(x, y, noses.inset, scene) >= 0
 
 
