@@ -63,14 +63,6 @@ class Turning(NamedTuple):
         at = np.asarray(times, np.float64)
         return self._faces(self._steps(ball, at), at)
 
-    def spins(self, ball: int, times: ArrayLike) -> Floats:
-        """Returns the angular velocities of a ball at some times (s), (m, 3) rad/s."""
-        at = np.asarray(times, np.float64)
-        steps = self._steps(ball, at)
-        since = at - self.start[steps]
-        spins = self.spin[steps] + since[:, None] * self.change[steps]
-        return np.where((since < self.lasts[steps])[:, None], spins, 0.0)
-
     def _steps(self, ball: int, times: Floats) -> NDArray[np.intp]:
         begin, end = self.first[ball : ball + 2]
         return begin + np.maximum(np.searchsorted(self.start[begin:end], times, "right") - 1, 0)

@@ -197,7 +197,7 @@ def _draw_path(
     ax.add_collection(steps, autolim=False)
     along = np.append(0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T)))
     at = np.interp(np.arange(0.5 * TICK_EVERY, along[-1], TICK_EVERY), along, times)
-    spin = turns.spins(ball, at)[:, 2] * shot.scene.balls.radius[ball]
+    spin = shot.spins(ball, at)[:, 2] * shot.scene.balls.radius[ball]
     at, spin = at[abs(spin) > WEAKEST_SPIN], spin[abs(spin) > WEAKEST_SPIN]
     clear = np.ones(len(at), np.bool_)  # not over a pocket: there a tick looks like a mark on the table
     if len(at):

@@ -80,6 +80,11 @@ class Recording(NamedTuple):
         """Returns the speeds of a ball at some times (s), (m,) m/s; at a contact the speed after it."""
         return np.hypot(*self.trajectory.velocities(ball, numbers("times", times)).T)
 
+    def spins(self, ball: int, times: ArrayLike) -> Floats:
+        """Returns the angular velocities of a ball at some times (s), (m, 3) rad/s; at a contact those after it."""
+        radius, decay = self.scene.balls.radius[ball], self.scene.physics.spin_decay
+        return self.trajectory.spins(ball, numbers("times", times), radius, decay)
+
     def turning(self, faces: ArrayLike | None = None, error: float = ERROR) -> Turning:
         """Returns the rotation of the balls; the arguments are as in `drawing.orientation.turning`."""
         return turning(self.scene, self.trajectory, self.time, faces, error)

@@ -472,7 +472,7 @@ def _normal(c, contacts):
 
 @inlined
 def stop(over, count, contacts, state, scene, memory):  # out: state
-    """Implements `Space.stop`. A ball in the air does not come to rest. A jam has a horizontal normal."""
+    """Implements `Space.stop`. A ball in the air does not come to rest. Only contacts with a horizontal normal jam."""
     over = over and not _is_in_air(count, contacts, state)
     if over or contacts.normal[0, UPWARDS] == 0.0:
         return on_cloth.stop(over, count, contacts, state, scene, memory)

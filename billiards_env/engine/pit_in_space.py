@@ -74,7 +74,10 @@ def _way(i, j, here, scene):
 
 @inlined
 def shift(i, way, work):  # out: work
-    """Implements `Space.shift`. No ball moves below its height on the cloth, and a ball on the cloth stays on it."""
+    """Implements `Space.shift`. No ball moves below its height on the cloth, and a ball on the cloth stays on it.
+
+    So a part of the overlap can remain, if a ball on the cloth is above the centre of a smaller one in the air.
+    """
     pit_on_cloth.shift(i, way, work)
     if work.here[i, UP] > 0.0:
         work.here[i, UP] = work.state.rows[i, Z] = max(work.here[i, UP] + way[UPWARDS], 0.0)

@@ -46,7 +46,7 @@ class Space(NamedTuple):
             start of a shot; zeros if they do not touch.
 
         tilt: (i, j, scene). Returns the cosine and the sine of the inclination of the normal of two balls on the cloth;
-            None if all normals are horizontal.
+            None in scenes without flight in which all normals are horizontal.
         frame: (c, contacts, scene). Returns the `friction.Frame` of a contact.
         slip: (c, p, contacts, state, scene). Returns the slip across and up at a contact, m/s, and the impulse along
             the normal, kg m/s, for an impulse p.

@@ -1,4 +1,7 @@
-"""Spheres of different sizes on the cloth: the kernels that differ from `on_cloth`, as normals are not horizontal."""
+"""Spheres of different sizes on the cloth: the kernels that differ from `on_cloth`, as normals are not horizontal.
+
+All scenes with flight use them, also those with balls of one size.
+"""
 
 from __future__ import annotations
 

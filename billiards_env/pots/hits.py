@@ -110,7 +110,11 @@ def enters_pocket(table, hit):
 
 @inlined
 def play_hit(table, i, hit, speed, state):
-    """Sets the motion of both balls after a hit, and returns whether the cue ball reaches ball i at this speed."""
+    """Sets the motion of both balls after a hit, and returns whether the cue ball reaches ball i at this speed.
+
+    The law is that of balls on the cloth. In scenes with flight a part of the impulse lifts one of two balls of
+    different radii a and b, so the object ball is slower, by the factor 4 a b / (a + b)^2.
+    """
     scene, numbers, cue = table.scene, table.scene.numbers, table.cue
     left, slip = arrival(numbers, hit.approach, speed, table.slip_ratio)
     closing = left * cut_cosine(hit)

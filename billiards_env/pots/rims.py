@@ -1,6 +1,7 @@
 """The rim of a pocket in the search for pots: its ends as seen from a point, and its distance from lines.
 
-The argument `pocket` is a row of `SceneArrays.pockets`, as in `physics.geometry.pockets`.
+The argument `pocket` is a row of `SceneArrays.pockets`, as in `physics.geometry.pockets`. The rim is the bounding
+circle of the pocket, because all pockets are circles.
 """
 
 from __future__ import annotations

@@ -58,8 +58,9 @@ _CORNER_MOUTH, _SIDE_MOUTH = 4.5625 * INCH, 5.0625 * INCH
 class Pocket:
     """A circle that captures every ball whose centre enters it.
 
-    Its shape is in this class, in `physics.geometry.pockets`, in `physics.geometry.noses` (for flights) and in the
-    50-digit reference. Other code reads `circle`, and `x` and `y` as the place at which a captured ball stays.
+    Its shape is in this class, in `physics.geometry.pockets`, in `physics.geometry.noses` (for flights), in `pots.rims`
+    (for the search for pots) and in the 50-digit reference. Other code reads `circle`, and `x` and `y` as the place at
+    which a captured ball stays.
 
     Attributes:
         x: Centre along the table's length, m.

@@ -50,11 +50,13 @@ def test_a_ball_that_rolls_straight_turns_by_its_path_over_its_radius():
 def test_a_spin_about_the_vertical_axis_turns_by_its_integral():
     scene = Scene.named("pool", 0)
     shot = simulate(scene, [[0.0, 0.0]], [0.0, 0.0], spins=[0.0, 0.0, 50.0], record=True)
-    turns = recording_of(shot).turning()
+    recording = recording_of(shot)
+    turns = recording.turning()
     for t in np.linspace(0.0, shot.time, 20):
         angle = 50.0 * t - 5.0 * t * t
         assert distance(turns.at(t)[0], [math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2)]) < 1e-11
-    assert turns.spins(0, [0.0, 1.0, 6.0]) == pytest.approx(np.array([[0, 0, 50], [0, 0, 40], [0, 0, 0]]), abs=1e-9)
+    spins = recording.spins(0, [0.0, 1.0, 6.0])
+    assert spins == pytest.approx(np.array([[0, 0, 50], [0, 0, 40], [0, 0, 0]]), abs=1e-9)
 
 
 def test_the_angular_velocity_agrees_with_the_slip():
@@ -62,11 +64,11 @@ def test_the_angular_velocity_agrees_with_the_slip():
     scene = Scene.named("pool", 0)
     shot = simulate(scene, [[-0.8, 0.0]], [2.0, 0.0], spins=[30.0, -40.0, 20.0], record=True)
     (end,) = shot.events["time"][shot.events["kind"] == "sliding_rolling"][:1]
-    turns, radius = recording_of(shot).turning(), scene.balls.radius[0]
-    assert turns.spins(0, [0.0])[0] == pytest.approx([30.0, -40.0, 20.0])
-    paths = recording_of(shot).trajectory
+    recording, radius = recording_of(shot), scene.balls.radius[0]
+    assert recording.spins(0, [0.0])[0] == pytest.approx([30.0, -40.0, 20.0])
+    paths = recording.trajectory
     velocity = paths.velocity[0] + end * paths.acceleration[0]
-    wx, wy, wz = turns.spins(0, [end])[0]
+    wx, wy, wz = recording.spins(0, [end])[0]
     assert (wx, wy) == pytest.approx((-velocity[1] / radius, velocity[0] / radius))
     assert wz == pytest.approx(20.0 - 10.0 * end)
 
