@@ -44,6 +44,7 @@ from billiards_env.support.files import write_json
 
 PARTS = "aarch64", "kernels", "settings", "numba", "web"
 HOME = ROOT / "build" / "machines"
+PYTHON = ".".join(map(str, sys.version_info[:2]))
 DEBIAN = {"3.11": "bookworm", "3.13": "trixie"}
 """The release of Debian with the version of Python of this process: the bytecode must be the same."""
 
@@ -119,27 +120,31 @@ def cross(folder: Path, names: list[str]) -> Row:
     return {}
 
 
-def on_aarch64(folder: Path, names: list[str]) -> Row:
-    """Does the work on an emulated aarch64, with the code that `cross` compiled, and Python of Debian."""
-    python, python_version = emulator("aarch64"), ".".join(map(str, sys.version_info[:2]))
-    if python_version not in DEBIAN:
-        raise RuntimeError(
-            f"Python {python_version}: expected one of {', '.join(DEBIAN)}, which Debian has for aarch64"
-        )
-    root, site, log = (HOME / f"{name}-{python_version}" for name in ("root", "site", "system.log"))
+def system(folder: Path) -> Row:
+    """Installs Python of Debian and the packages for aarch64."""
+    emulator("aarch64")
+    if PYTHON not in DEBIAN:
+        raise RuntimeError(f"Python {PYTHON}: expected one of {', '.join(DEBIAN)}, which Debian has for aarch64")
+    root, site, log = (HOME / f"{name}-{PYTHON}" for name in ("root", "site", "system.log"))
     if not (root / "installed").exists():
         shutil.rmtree(root, ignore_errors=True)
         packages = "--include=python3,libpython3-stdlib,libstdc++6,libgcc-s1"
         options = "--foreign", "--arch", "arm64", "--variant=minbase", packages
-        run(log, tool("debootstrap", "debootstrap"), *options, DEBIAN[python_version], root)
+        run(log, tool("debootstrap", "debootstrap"), *options, DEBIAN[PYTHON], root)
         for package in (root / "var" / "cache" / "apt" / "archives").glob("*.deb"):
             run(log, tool("dpkg-deb", "dpkg"), "-x", package, root)
         (root / "installed").touch()
     platforms = (f"--platform={tag}_aarch64" for tag in ("manylinux2014", "manylinux_2_27", "manylinux_2_28"))
     versions = (f"{name}=={version(name)}" for name in ("numba", "llvmlite", "numpy", "gymnasium"))
-    target = *platforms, f"--python-version={python_version}", "--only-binary=:all:", "--upgrade", "--target", site
+    target = *platforms, f"--python-version={PYTHON}", "--only-binary=:all:", "--upgrade", "--target", site
     run(log, sys.executable, "-m", "pip", "install", *target, *versions, "tqdm")
-    emulated = python, "-L", root, root / "usr" / "bin" / "python3"
+    return {}
+
+
+def on_aarch64(folder: Path, names: list[str]) -> Row:
+    """Does the work on an emulated aarch64, with the code that `cross` compiled, and Python of Debian."""
+    root, site = (HOME / f"{name}-{PYTHON}" for name in ("root", "site"))
+    emulated = emulator("aarch64"), "-L", root, root / "usr" / "bin" / "python3"
     return work(folder, "aarch64", names, *emulated, PYTHONPATH=f"{ROOT}:{site}", **GENERIC)
 
 
@@ -192,7 +197,8 @@ def steps_of(names: list[str]) -> dict[str, Step]:
     few, steps = [name for name in names if name in FEW] or names, dict[str, Step]()
     steps["record"] = Step("", (), partial(record, names=names))
     steps["cross"] = Step("", ("record",), partial(cross, names=names))
-    steps["aarch64"] = Step("aarch64", ("cross",), partial(on_aarch64, names=names))
+    steps["system"] = Step("aarch64", (), system)
+    steps["aarch64"] = Step("aarch64", ("cross", "system"), partial(on_aarch64, names=names))
     steps |= {
         f"functions on {name}": Step("kernels", ("cross",), partial(kernels, name=name))
         for name in (*TARGETS, "aarch64")

@@ -154,7 +154,7 @@ def test_a_missing_program_is_named_with_its_package(monkeypatch):
 def runs(tmp_path, monkeypatch):
     """The names of the steps that run, in place of the real ones, and their rows."""
     rows: dict[str, Any] = {name: {"machine": name, "compared": "all", "other": 0} for name in machines.steps_of([])}
-    rows["record"]["left_out"], rows["cross"] = ["games.placement.limits", "a.b"], {}
+    rows["record"]["left_out"], rows["cross"], rows["system"] = ["games.placement.limits", "a.b"], {}, {}
     rows["functions on aarch64"] |= {"machine": "control", "other": 1}
     names: list[str] = []
 
@@ -170,9 +170,9 @@ def runs(tmp_path, monkeypatch):
 def test_the_command_does_what_is_not_done(runs, tmp_path):
     output, (names, _) = ["--output", str(tmp_path / "rows.json")], runs
     machines.main(["--parts", "aarch64", *output])
-    assert sorted(names) == ["aarch64", "cross", "record"]
+    assert sorted(names) == ["aarch64", "cross", "record", "system"]
     machines.main(["--parts", "aarch64,kernels", *output])
-    assert sorted(names[3:]) == sorted(f"functions on {name}" for name in (*replay.TARGETS, "aarch64"))
+    assert sorted(names[4:]) == sorted(f"functions on {name}" for name in (*replay.TARGETS, "aarch64"))
     written = json.loads((tmp_path / "rows.json").read_text())
     assert [row["other"] for row in written["rows"]] == [0, 0, 0, 0, 0, 0, 1]
     assert "| aarch64 " in blocks(written)["rows"]
