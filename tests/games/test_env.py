@@ -4,6 +4,7 @@ import copy
 import dataclasses
 import re
 import warnings
+from collections import Counter
 from typing import Any
 
 import gymnasium as gym
@@ -39,9 +40,12 @@ def step(env, *numbers) -> dict[str, Any]:
 
 
 def play_game(env, seed):
-    """Plays a random game in PettingZoo and returns all outputs of the environment, arrays as bytes."""
+    """Plays a random game in PettingZoo.
+
+    Returns all outputs of the environment, arrays as bytes, and the total reward of each player.
+    """
     env.reset(seed=seed)
-    rng, log = np.random.default_rng(seed), []
+    rng, log, total = np.random.default_rng(seed), [], Counter()
     for agent in env.agent_iter():
         observation, reward, termination, truncation, info = env.last()
         log.append((agent, observation.tobytes(), reward, termination, truncation, repr(info)))
@@ -52,8 +56,10 @@ def play_game(env, seed):
         choice = isinstance(space, gym.spaces.Discrete)
         env.step(rng.integers(space.n) if choice else (2 * rng.random(space.shape) - 1).astype(np.float32))
         assert list(env.rewards.values()) == env.infos[agent]["rewards"].tolist()
+        assert sum(env.rewards.values()) == pytest.approx(0.0)
+        total.update(env.rewards)
         assert env.possible_agents[env.infos[agent]["player"]] == agent
-    return log
+    return log, list(total.values())
 
 
 def test_pettingzoo_has_the_masks_of_plans_from_the_reset_on():
@@ -138,15 +144,20 @@ def test_a_game_has_the_bits_and_rewards_of_the_functions_of_the_rules(kwargs):
 @variants
 def test_random_games_in_pettingzoo_end_and_depend_on_the_seed_alone(kwargs):
     env: Any = billiards_v0.env(**kwargs)
-    log, game = play_game(env, 4), env.unwrapped
+    (log, total), game = play_game(env, 4), env.unwrapped
     *_, (_, _, _, terminated, truncated, _) = log
-    shots = len(game.history().strokes)
+    shots, state = len(game.history().strokes), to_dict(game.game.state)
     assert len(log) == shots + len(env.possible_agents)  # a last turn for each player
     assert {row[3:5] for row in log[shots:]} == {(terminated, truncated)}
     assert terminated != truncated
-    assert terminated or (shots, game.game.state.winner) == (game.env.model.max_shots, -1)
-    assert log == play_game(env, 4)
-    assert log != play_game(env, 3)
+    assert terminated or (shots, state["winner"]) == (game.env.model.max_shots, -1)
+    if game.setup.target is not None:  # the points, minus the mean of those of the others
+        scores, others = np.array(state["scores"]), len(total) - 1
+        np.testing.assert_allclose(total, scores - (scores.sum() - scores) / others, atol=1e-9)
+    elif terminated:
+        assert total == [1.0 if k == state["winner"] else -1 / (len(total) - 1) for k in range(len(total))]
+    assert log == play_game(env, 4)[0]
+    assert log != play_game(env, 3)[0]
     *_, last = replay(game.history())
     assert last.game.state == game.game.state
 

@@ -108,6 +108,30 @@ def test_straight_pool_a_rack_on_the_table():
     assert played.game.positions[8].tolist() == [0.2, -0.4]
 
 
+IN_FOOT_CORNERS = [(0, 1, 0, 1), (1, 1, 1, 0), (0, -1, 1, 0), (1, -1, 0, 1)]
+
+
+@pytest.mark.parametrize(("player", "side", "points", "penalty"), IN_FOOT_CORNERS)
+def test_one_pocket_a_shot_scores_in_the_pocket_of_its_player(player, side, points, penalty):
+    """The ball is potted in pocket 3, or in the mirrored layout in pocket 2."""
+    settings, places = setup("one_pocket", 3), in_a_row(4, {0: (0.97, 0.335), 1: (1.07, 0.435)})
+    game = custom_opening(settings, places * (1, side), {"player": player})
+    played = play(settings, game, Stroke((0.7, 0.7 * side)))
+    verdict = played.verdict
+    assert played.pots == ((1, 3 if side > 0 else 2),)
+    assert (verdict.points, verdict.penalty, verdict.continues) == (points, penalty, points > 0)
+
+
+def test_carom_the_equalising_inning_begins_at_the_starting_position():  # UMB, art. 29
+    settings = setup("carom", target=2, innings=5)
+    game = custom_opening(settings, [[-0.5, 0.0], [0.5, 0.05], [0.9, 0.02]], {"scores": [1, 0]})
+    after = play(settings, game, Stroke((3.0, 0.24))).game
+    state = words(after.state)
+    assert (state.scores, state.player, state.over, settings.legal(after.state)) == ((2, 0), 1, False, (1,))
+    given = {name: to_dict(after.state)[name] for name in settings.game_rules.given}
+    assert custom_opening(settings, after.positions, given).state == after.state
+
+
 def test_a_foul_of_blackball_gives_one_free_shot_and_then_the_visit():
     """The second player fouls, the first one misses in the free shot and in the visit."""
     settings = setup("blackball")

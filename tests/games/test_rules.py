@@ -4,8 +4,10 @@ from typing import Any
 
 import pytest
 
-from billiards_env.games import Call
-from tests.helpers.games import facts_in_words, judge, ruling, setup, state
+from billiards_env import Scene, simulate
+from billiards_env.games import GAMES, Call
+from billiards_env.games.facts import facts_of
+from tests.helpers.games import facts_in_words, judge, ruling, setup, state, words
 
 SOLIDS, STRIPES = set(range(1, 8)), set(range(9, 16))
 COLOURS = YELLOW, GREEN, BROWN, BLUE, PINK, BLACK = range(16, 22)
@@ -38,6 +40,13 @@ def test_the_cue_ball_may_have_another_number():
     expected = {"first": (0,), "touched": 2, "cushions_before_last": 1}
     expected |= {"cushion_after": True, "cue_driven": True, "driven": (0,)}
     assert {name: facts[name] for name in expected} == expected
+
+
+def test_facts_of_a_real_shot():
+    shot = simulate(Scene.named("pool"), [[-0.635, 0.0], [0.635, 0.3]], [2.0, 0.45])
+    facts = words(facts_of(GAMES["nine_ball"].facts, shot)[0])
+    assert facts.first == (shot.first_hit,) == (1,)
+    assert (facts.potted, facts.cushion_after) == ((1,), True)
 
 
 # The balls that a player may touch first: the game, the state, the player and the balls.
@@ -136,6 +145,7 @@ TEN_BALL = [
     (BREAK | CALLED, f"{THREE}, pocket 10", ruling(continues=True, choices=("push_out",), **SPOTTED_TEN)),  # 9.9
     (BREAK | CALLED, THREE, ruling("illegal_break", **ANYWHERE)),  # 9.3
     (CALLED | PUSH, "hit 0 10, pocket 10", ruling(**HAND_BACK, **SPOTTED_TEN), PUSH_OUT),  # 9.4
+    (CALLED | PUSH | {"fouls": (2, 0)}, "hit 0 5, off 5", won(1, "driven_off", **ANYWHERE), PUSH_OUT),  # 9.4
     (CALLED, POT_1, ruling(continues=True), Call(1, 5)),
     (CALLED, "hit 0 1, pocket 10 0", ruling(continues=True, **SPOTTED_TEN), Call(10, 0)),  # 9.8: before the last ball
     (CALLED, POT_1, ruling(**HAND_BACK), Call(1, 5, "safety")),  # 9.6
@@ -154,6 +164,7 @@ EIGHT_BALL = [
     ({}, "hit 0 5, cushion 5", ruling()),
     ({}, "hit 0 8, cushion 8", ruling("wrong_ball", **ANYWHERE)),
     ({}, "hit 0 3, pocket 3, pocket 0", ruling("scratch", **ANYWHERE, on_table=(0, 1, 2, *range(4, 16)))),
+    ({}, "hit 0 1, cushion 1, off 0", ruling("scratch", **ANYWHERE)),  # 6.1
     ({"solids": 1}, "hit 0 7, cushion 7", ruling("wrong_ball", **ANYWHERE, solids=1)),
     ({"solids": 0}, "hit 0 1, off 3", ruling("driven_off", **ANYWHERE, solids=0)),  # 3.7: it stays off
     (BREAK, "hit 0 1, pocket 3", ruling(continues=True)),  # the table stays open
@@ -186,6 +197,7 @@ EIGHT_BALL = [
     (LAST_STRIPE, "hit 0 8, pocket 8", won(solids=1)),
     ({"solids": 0}, "hit 0 1, hit 1 8, pocket 8", won(1, solids=0)),  # before the group is potted
     (LAST_SOLID, "hit 0 1, pocket 1, pocket 8", won(1, solids=0)),  # in the shot of the last ball of the group
+    (LAST_SOLID, "hit 0 1, pocket 8, pocket 1", won(1, solids=0)),  # before the last ball of the group
     (GROUP_POTTED, "hit 0 8, pocket 8, pocket 0", won(1, "scratch", **ANYWHERE, solids=0)),
     (GROUP_POTTED, "hit 0 9, hit 9 8, pocket 8", won(1, "wrong_ball", **ANYWHERE, solids=0)),
     (GROUP_POTTED, "hit 0 8, off 8", won(1, "driven_off", **ANYWHERE, solids=0)),
@@ -206,6 +218,7 @@ STRAIGHT = [
     ({}, "", ruling("no_hit", -1)),  # 4.9: the cue ball stays
     ({}, "hit 0 8", ruling("no_cushion", -1)),
     ({}, "hit 0 1, off 3", ruling("driven_off", -1, spotted=(3,))),  # 4.6, 4.9
+    ({}, "hit 0 1, cushion 1, off 0", ruling("scratch", -1, **BEHIND)),  # 6.1
     ({"player": 1}, "hit 0 9, pocket 9, pocket 0, pocket 2", ruling("scratch", -1, **BEHIND, spotted=(2, 9))),
     # The called ball scores, and the others that are potted with it (4.5, 4.6, 4.7).
     (CALLED, TWO, ruling(points=2, continues=True), Call(3, 5)),
@@ -291,6 +304,7 @@ BANK_POOL = [
     ({}, LEGAL_HIT, ruling()),
     # A ball that hits a cushion before the pot scores (1, 3.2). Others are spotted.
     ({}, BANK, POINT),
+    ({}, "hit 0 3, cushion 3, cushion 3, pocket 3", POINT),  # off two cushions
     ({}, "hit 0 3, pocket 3", ruling(spotted=(3,))),
     ({}, f"{BANK}, pocket 4", ruling(points=1, continues=True, spotted=(4,))),
     ({}, "cushion 0, hit 0 3, cushion 3, pocket 3", ruling(spotted=(3,))),  # a kick
@@ -303,6 +317,7 @@ BANK_POOL = [
     # The called ball scores in the called pocket (3.1).
     (CALLED, BANK, POINT, Call(3, 5)),
     (CALLED, BANK, ruling(spotted=(3,)), Call(3, 4)),
+    (CALLED, BANK, ruling(spotted=(3,)), Call(4, 5)),
     (CALLED, BANK, ruling(spotted=(3,))),
     (CALLED, BANK, ruling(spotted=(3,)), Call(3, 5, "safety")),
     (CALLED, "hit 0 3, pocket 3 5", ruling(spotted=(3,)), Call(3, 5)),
@@ -311,6 +326,7 @@ BANK_POOL = [
     ({}, "", ruling("no_hit", -1)),
     ({}, "hit 0 1, off 3", ruling("driven_off", -1, spotted=(3,))),
     (THREE_POTTED | {"scores": (2, 0)}, "", ruling("no_hit", -1, spotted=(1,))),
+    (THREE_POTTED | {"scores": (0, 2)}, "", ruling("no_hit", -1)),
     ({}, f"{BANK}, pocket 0", ruling("scratch", -1, **BEHIND, spotted=(3,))),
     ({"break_shot": True}, "hit 0 1, pocket 1, pocket 0", ruling("scratch", -1, **BEHIND, spotted=(1,))),
     ({"scores": (-1, 0)}, BANK, ruling(points=1, continues=True, spotted=(3,))),
@@ -346,6 +362,8 @@ BLACKBALL = [
     (REDS, "hit 0 3, cushion 3", ruling(solids=0)),
     (REDS, "hit 0 3", ruling("no_cushion", solids=0)),  # 5d
     (REDS, "hit 0 9, cushion 9", ruling("wrong_ball", solids=0)),
+    (REDS, "hit 0 8, cushion 8", ruling("wrong_ball", solids=0)),
+    (ON_BLACK, "hit 0 9, cushion 9", ruling("wrong_ball", solids=0)),
     (REDS, "cushion 0", ruling("no_hit", solids=0)),
     (REDS, "hit 0 3, pocket 3, pocket 0", ruling("scratch", solids=0, **BEHIND)),
     (REDS, "hit 0 3, pocket 3, off 0", ruling("scratch", solids=0, **BEHIND)),
@@ -358,6 +376,7 @@ BLACKBALL = [
     (FREE, "hit 0 8, pocket 3", ruling(continues=True)),
     (FREE_REDS, "hit 0 9, pocket 9", ruling(continues=True, solids=0)),
     (FREE_REDS, "hit 0 9, cushion 9", ruling(continues=True, solids=0)),
+    (FREE_REDS, "hit 0 9", ruling("no_cushion", solids=0)),
     (FREE_REDS, "hit 0 9, pocket 9, pocket 0", ruling("scratch", solids=0, **BEHIND)),
     (FREE_BLACK, "hit 0 9, cushion 9", ruling(continues=True, solids=0)),
     # The end (7b).

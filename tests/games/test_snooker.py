@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from billiards_env import Scene
-from billiards_env.games import FOULS, Call, Setup, Stroke, custom_opening, play
+from billiards_env.games import FOULS, Call, Setup, Stroke, custom_opening, opening, play
 from billiards_env.games.game_state import changed, set_of
 from billiards_env.games.placement import SPOT_GAP
 from billiards_env.games.snooker import points_left
@@ -142,6 +142,11 @@ def lying(places, settings=SETUP, **fields):
     return custom_opening(settings, in_a_row(22, places), {"on_table": sorted(places), **fields})
 
 
+def test_a_break_off_from_the_d():
+    played = play(SETUP, opening(SETUP, np.random.default_rng(0)), Stroke((4.0, 0.05), (-1.2, 0.1)))
+    assert (words(played.verdict).foul, words(played.facts).first[0] in range(1, 16)) == ("", True)
+
+
 IN_SIGHT = {CUE: (0.4, 0.5), RED: (1.5, 0.2)}
 HIDDEN = {CUE: (0.4, 0.5), RED: (1.5, 0.5), BLUE: (0.9, 0.5)}
 
@@ -150,8 +155,10 @@ def test_a_foul_that_leaves_a_snooker_gives_a_free_ball():  # 3.12
     played = play(SETUP, lying(HIDDEN), Stroke((0.0, 0.0)))
     now = words(played.game.state)
     assert (words(played.verdict).foul, now.free_ball, now.player, now.choices) == ("no_hit", True, 1, ("hand_back",))
-    back = play(SETUP, played.game, Stroke((0.0, 0.0), call=Call(kind="hand_back"))).game.state
-    assert (back.player, back.free_ball, back.choices) == (0, False, 0)  # 3.12 f
+    back = play(SETUP, played.game, Stroke((0.0, 0.0), call=Call(kind="hand_back"))).game
+    assert back.positions.tobytes() == played.game.positions.tobytes()
+    assert back.state == changed(played.game.state, player=0, free_ball=False, choices=0)  # 3.12 f
+    assert (words(back.state).scores, words(back.state).fouls) == ((0, 4), (1, 0))
     assert not play(SETUP, lying(IN_SIGHT), Stroke((0.0, 0.0))).game.state.free_ball
 
 
@@ -178,7 +185,7 @@ def test_three_misses_from_one_position_in_sight_of_a_ball_on_lose_the_frame(pla
         game = play(MISS, game, Stroke((0.0, 0.0), call=Call(kind=kind))).game if kind else game
 
 
-def test_a_miss_with_a_scratch_can_be_replaced():  # 3.14
+def test_a_miss_with_a_scratch_can_be_replaced_or_handed_back():  # 3.14
     corner = np.array([1.7845, 0.889])
     before = lying({CUE: corner - 0.3, RED: (-1.0, 0.5)}, MISS)
     missed = play(MISS, before, Stroke((1.0, 1.0)))
@@ -189,6 +196,9 @@ def test_a_miss_with_a_scratch_can_be_replaced():  # 3.14
     assert again.positions.tobytes() == before.positions.tobytes()
     scores, fouls = missed.game.state.scores, (1, 0, 0, 0)
     assert words(again.state) == words(changed(before.state, scores=scores, fouls=fouls, misses=1))
+    back = play(MISS, missed.game, Stroke((0.0, 0.0), call=Call(kind="hand_back"))).game
+    assert back.positions.tobytes() == missed.game.positions.tobytes()
+    assert back.state == changed(missed.game.state, player=0, choices=0)  # the cue ball stays in hand
 
 
 def test_a_batch_judges_a_snooker_behind_the_free_ball():  # 3.12 b
