@@ -11,7 +11,7 @@ pytest.importorskip("pygame")
 
 from billiards_env.drawing.canvas import Canvas, Motion, pixels
 from billiards_env.drawing.raster import rgb
-from billiards_env.drawing.style import CHALK, CLOTH, LIFT, LIGHT, PAPER, POCKET, looks, rail_width
+from billiards_env.drawing.style import CHALK, CLOTH, LIFT, LIGHT, PAPER, POCKET, POTTED, looks, rail_width
 
 
 def near(frame, where, colour, tolerance=6, dx=0.0, dy=0.0):
@@ -143,12 +143,13 @@ def test_arrows_stay_in_the_frame(velocity):
         assert np.hypot(columns - ends[0], rows - ends[1]).max() > 20
 
 
+@pytest.mark.parametrize("label", [POTTED, ""])  # the window has no label
 @pytest.mark.parametrize(("name", "balls"), [("pool", 15), ("snooker", 21), ("carom", 2)])
-def test_long_texts_do_not_overlap(name, balls):
+def test_long_texts_do_not_overlap(name, balls, label):
     canvas, frames = Canvas(Scene.named(name, balls)), []
     for texts in (("", ""), (200 * "l", ""), ("", 200 * "l")):
         frame = canvas.table.copy()
-        canvas.draw_bar(frame, *texts, [])
+        canvas.draw_bar(frame, *texts, [], label)
         frames.append(pixels(frame))
     left, right = ((frame != frames[0]).any(-1).any(0) for frame in frames[1:])  # by column
     assert left.sum() > 100

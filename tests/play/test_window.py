@@ -16,7 +16,7 @@ pytest.importorskip("pygame")
 import pygame
 
 from billiards_env import Scene
-from billiards_env.drawing.canvas import pixels
+from billiards_env.drawing.canvas import Canvas, pixels
 from billiards_env.drawing.pace import slower
 from billiards_env.games import Stroke, records
 from billiards_env.play import model as act
@@ -245,6 +245,15 @@ def test_the_ghost_is_drawn_at_its_place(make_model):
     differ = (pixels(view.draw(model)) != pixels(view.draw(toggle(model, "ghost")))).any(axis=2)
     x, y = at(view, ghost.at(3.0)[1])  # pyright: ignore[reportOptionalMemberAccess]
     assert differ[y - 12 : y + 13, x - 12 : x + 13].any()
+
+
+def test_a_ball_in_the_air_is_drawn_at_its_height(make_model, monkeypatch):
+    model, drawn = make_model(scene=Scene.named("jump_pool", 2)), []
+    model = tick(go(act.raise_cue(turn_aim(model, 20.0), 40.0)), 0.05)
+    monkeypatch.setattr(Canvas, "draw_balls", lambda *arguments: drawn.append(arguments[-1]))
+    View(model.setup.scene, 320).draw(model)
+    assert drawn[-1][0] > 0.01
+    assert not drawn[-1][1:].any()
 
 
 def test_a_stroke_that_noise_makes_faster_than_the_fastest_shot_is_shown(make_model):

@@ -183,6 +183,10 @@ LAYOUTS = [
 
 POCKET = named("pool").table.pockets[0]
 POINTS = [
+    (of(POCKET.contains, None), "points = None: expected finite numbers in an array"),
+    (of(POCKET.contains, "abc"), "points = 'abc': expected finite numbers in an array"),
+    (of(POCKET.contains, [1j, 0.0]), "points = [1j, 0.0]: expected finite numbers in an array"),
+    (of(POCKET.contains, [[0, 0], [1]]), "points = [[0, 0], [1]]: expected finite numbers in an array"),
     (of(POCKET.contains, [NAN, 0.0]), "points = [nan, 0.0]: expected finite numbers"),
     (of(POCKET.contains, [1, 2, 3]), "points has shape (3,): expected (..., 2)"),
     (of(POCKET.contains, [0, 0], "a"), "by = 'a': expected a number, not str"),

@@ -41,6 +41,14 @@ def test_a_batch_equals_single_shots_bit_for_bit(scene, arrangement, options, fi
     assert (batch.first_hit > 0).any() or options.get("max_time") == 0.0
 
 
+@pytest.mark.parametrize("playing", [np.arange(120).reshape(40, 3) % 7 < 5, [True, False, True]], ids=["each", "all"])
+def test_the_balls_in_play_of_each_shot_or_of_all_shots_with_spins_of_all_balls(playing):
+    scene, rng = Scene.named("carom"), np.random.default_rng(1)
+    places, velocities, spins = draw_starts(scene, 40)[0], rng.normal(size=(40, 3, 2)), rng.normal(size=(40, 3, 3)) * 20
+    batch, _ = run_both(scene, places, velocities, spins, in_play=playing)
+    assert (batch.potted == ~np.array(playing)).all()
+
+
 @pytest.mark.parametrize("name", ["pool", "real_pool", "snooker", "uk_pool", "carom", "ideal"])
 def test_each_end_is_a_start(name):
     scene = Scene.named(name, 2)
