@@ -152,11 +152,11 @@ def test_a_player_is_found_in_a_module_and_in_an_installed_package(text, speed, 
     assert find_player(text, game)(game_situation(game, table, 8.0), RNG(0)) == Stroke((speed, 0.0))
 
 
-ONE_OF = "expected one of 'aim', 'geometric', 'human', 'planner', 'policy', 'random', 'search', 'theirs', or module:"
+NAMES = "'aim', 'geometric', 'human', 'noisy', 'planner', 'policy', 'random', 'search', 'theirs'"
 
 
 WRONG = [
-    ("nobody", "straight", f"player = 'nobody': {ONE_OF}"),
+    ("nobody", "straight", f"player = 'nobody': expected one of {NAMES}, or module:"),
     ("mine:nothing", "straight", "player = 'mine:nothing': .*has no attribute"),
     ("mine:own:bad", "straight", "it cannot be had"),
     ("random:3", "straight", "player = 'random:3': expected .* a name without ':'"),
