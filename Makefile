@@ -116,8 +116,10 @@ errors: $(INSTALLED)  ## compare 1,000 shots of each kind with the 50-digit refe
 	$(BIN)/python -m benchmarks.calibration
 	$(BIN)/python -m studies.readme
 
-results: $(WORKS)  ## train every row of configs/learning.yaml with its seeds, and measure the players (up to five hours; what has results is not measured again)
+results: $(WORKS)  ## train every row of configs/learning.yaml with its seeds, and measure the players (several hours; what has results is not measured again)
 	$(WORK)/python -m studies.learning $(SPREAD)
+	$(WORK)/python -m studies.budgets $(SPREAD)
+	$(WORK)/python -m studies.self_play
 	$(WORK)/python -m studies.frozen_tasks
 	$(WORK)/python -m billiards_env bench studies.leaderboard:trained --seed 0 1 --force --name AimPolicy --out docs/leaderboard/aim_policy.json
 	$(WORK)/python -m billiards_env bench studies.leaderboard:trained:64 --seed 0 1 --force --name AimPolicy:64 --out docs/leaderboard/aim_policy_64.json

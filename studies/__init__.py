@@ -2,6 +2,8 @@
 
 Modules:
     learning: Trains the rows of `configs/learning.yaml` with several seeds: `make results`.
+    budgets: Trains some of these rows with fewer and with more shots.
+    self_play: Trains a player of eight ball against itself, and lets it play matches.
     timestep: Trains `configs/timestep.yaml` with several timesteps and compares the policies: `make study`.
     timestep_report: Makes its tables and pictures.
     timestep_shots: Chooses shots of these policies for the page of the study.

@@ -10,7 +10,7 @@ from agents.config import load
 from benchmarks import ROOT, table
 from billiards_env.bench.frozen import FROZEN, NAMESPACE
 from billiards_env.intervals import as_percent, over_seeds, wilson_interval
-from studies import learning, read_results, timestep
+from studies import learning, read_results, self_play, timestep
 
 _NUMBERS = (
     "10 significant bits, for playing only: no training starts from them. The successes are those before rounding"
@@ -24,6 +24,8 @@ def cards() -> dict[Path, str]:
     for name, result in read_results(learning.OUTPUT).items():
         folder = learning.OUTPUT.parent / "policies" / name
         texts[folder / "README.md"] = _card(folder, name, *_of_row(result))
+    folder, result = learning.OUTPUT.parent / "policies" / self_play.ROW, read_results(self_play.OUTPUT)
+    texts[folder / "README.md"] = _card(folder, self_play.ROW, *_of_games(result))
     study = read_results(timestep.OUTPUT)
     for world in timestep.WORLDS:
         folder = timestep.policy_folder(timestep.OUTPUT, world)
@@ -36,8 +38,14 @@ def _card(folder: Path, name: str, seconds: float, where: Mapping[str, str], suc
     env, place = config.env, folder.relative_to(ROOT).as_posix()
     engine = "exact" if env["mode"] == "pic" else f"PIT with a timestep of 1/{1 / env['dt']:.0f} s"
     policy = "AimPolicy" if config.policy["head"] == "aim" else "MlpPolicy"
+    if config.task is None:
+        task = f"Eight ball for {env['n_players']} players on `{env['scene']}`, with the noise of `planner:club`"
+        command = f"python -m billiards_env match noisy:club:policy:{place}:16 planner:club --scene {env['scene']}"
+    else:
+        task = f"`{NAMESPACE}{config.task}`. {FROZEN[config.task].summary}"
+        command = f"python -m billiards_env bench policy:{place} --tasks {config.task}"
     rows = [
-        ("Task", f"`{NAMESPACE}{config.task}`. {FROZEN[str(config.task)].summary}"),
+        ("Task", task),
         ("Policy", f"`{policy}`, action `{env['action']}`, observes {', '.join(f'`{one}`' for one in env['observe'])}"),
         ("Training", f"{config.timesteps:,} shots in {seconds:.0f} s of processor time, seed {config.seed}"),
         ("Learner", f"`{config.learner}`, engine: {engine}"),
@@ -47,7 +55,6 @@ def _card(folder: Path, name: str, seconds: float, where: Mapping[str, str], suc
         ("Limits", _LIMITS),
         ("License", "MIT, as the package"),
     ]
-    command = f"python -m billiards_env bench policy:{place} --tasks {config.task}"
     return f"# Policy `{name}`\n\n{table(('', ''), rows, left=2)}\n\n```sh\n{command}\n```\n"
 
 
@@ -62,8 +69,21 @@ def _of_row(result: Mapping[str, Any]) -> tuple[float, dict[str, str], dict[str,
             what += ", single shots"
         own = as_percent({"mean": rates[0], "interval": interval})
         successes[what] = f"{own} on {played['episodes']:,} new layouts; {_over(rates)}"
-    versions = ", ".join(f"{name} {first['versions'][name]}" for name in ("python", "torch", "numba"))
-    return first["curve"][-1][1], {"Machine": f"{first['machine']['cpu']}; {versions}"}, successes
+    return first["curve"][-1][1], _machine(first), successes
+
+
+def _of_games(result: Mapping[str, Any]) -> tuple[float, dict[str, str], dict[str, str]]:
+    """As `_of_row`, for the policy of `studies.self_play`."""
+    shares = {
+        f"games against `{self_play.MATCHES[name][1]}`, {name}": f"{self_play.share(games)} of {sum(games)} games"
+        for name, games in result["matches"].items()
+    }
+    return result["curve"][-1][1], _machine(result), shares
+
+
+def _machine(run: Mapping[str, Any]) -> dict[str, str]:
+    versions = ", ".join(f"{name} {run['versions'][name]}" for name in ("python", "torch", "numba"))
+    return {"Machine": f"{run['machine']['cpu']}; {versions}"}
 
 
 def _of_world(study: Mapping[str, Any], world: str) -> tuple[float, dict[str, str], dict[str, str]]:

@@ -82,14 +82,16 @@ def measured_rows() -> dict[str, dict[str, Any]]:
     return {name: row for name, row in rows().items() if row["plays"]}
 
 
-def run_row(name: str, seed: int, folder: Path, episodes: int) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Trains a row with a seed, unless the folder holds the finished run, and plays its tasks.
+def run_row(
+    name: str, seed: int, folder: Path, episodes: int, **changes: Any
+) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Trains a row with a seed and changed settings, unless the folder holds the finished run, and plays its tasks.
 
     Returns:
         `curve`, the learning curve (a list of `agents.train.Point`), `tasks`: the results of `play_together` by task,
         `machine` and `versions`. Then the files of the policy.
     """
-    (curve, files), played = trained(load(name, seed=seed), folder), {}
+    (curve, files), played = trained(load(name, seed=seed, **changes), folder), {}
     for task in rows()[name]["plays"]:
         envs = gym.make_vec(NAMESPACE + task, num_envs=episodes, autoreset_mode="SameStep")
         policy = load_run(folder, FROZEN[task].arguments)[1]

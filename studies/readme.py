@@ -44,6 +44,8 @@ SOURCES = {
         "benchmarks.release.dist",
         "studies.leaderboard",
         "studies.learning",
+        "studies.budgets",
+        "studies.self_play",
         "studies.frozen_tasks",
         "studies.scatter",
         "studies.timestep",

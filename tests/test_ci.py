@@ -15,6 +15,7 @@ TESTED = {
     "benchmarks.gradients",
     "benchmarks.real_tracks",
     "benchmarks.referees",
+    "studies.budgets",
     "studies.failures",
     "studies.figures",
     "studies.frozen_tasks",
@@ -22,6 +23,7 @@ TESTED = {
     "studies.learning",
     "studies.readme",
     "studies.scatter",
+    "studies.self_play",
     "studies.timestep",
     "studies.timestep_shots",
 }

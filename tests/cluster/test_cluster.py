@@ -81,9 +81,8 @@ def test_a_killed_runner_is_replaced_and_no_step_is_lost(finished, tmp_path, mon
     monkeypatch.setattr(ArrayPPO, "_sample", kill_one)
     folder = trained(tmp_path / "run")
     counts = [len(ids) for ids in seen]
-    assert counts[:2] == [2, 2] and counts[2] == 1 and counts[4:] == [2, 2, 2, 2]
-    # Ray restarts the process at a time of its own: before the fourth call or during it.
-    assert counts[3] in (1, 2)
+    assert (counts[:2], counts[4:]) == ([2, 2], [2, 2, 2, 2])
+    assert set(counts[2:4]) <= {1, 2}  # Ray restarts the process at a time of its own
     assert len(set(seen[-1]) - set(seen[0])) == 1  # one process is new
     assert len(set(seen[0].values())) == 2  # one runner on each node
     assert [point.steps for point in learning_curve(folder)] == [0, 1536, 3072, 4096]

@@ -176,6 +176,14 @@ def test_a_stalemate_may_be_called_after_six_turns_without_progress():  # WPA 1.
         assert (state.idle, "stalemate" in words(state).choices) == (idle + 1, offered)
 
 
+def test_the_player_of_the_opening_break_is_the_breaker():  # who breaks again after a stalemate, WPA 1.12
+    start = opening(NINE, np.random.default_rng(0)).positions
+    broken = play(NINE, custom_opening(NINE, start, {"player": 1, "break_shot": True}), Stroke((6.0, 0.1))).game
+    assert (words(broken.state).breaker, words(broken.state).break_shot) == (1, False)
+    game = custom_opening(NINE, in_a_row(10, {0: (0.5, 0.4), 1: (0.9, 0.4)}), {"player": 0, "breaker": 1})
+    assert play(NINE, game, Stroke((2.0, 0.02))).game.state.breaker == 1
+
+
 # Whole games.
 
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import shutil
 
 import gymnasium as gym
 import pytest
@@ -15,7 +16,7 @@ from billiards_env.players.env_player import acting
 from billiards_env.players.named import find_player
 from billiards_env.sb3 import load_policy
 from billiards_env.sb3.weights import is_slim, read_weights
-from studies import learning, read_results
+from studies import budgets, learning, read_results
 from studies.cards import cards
 from studies.learning import blocks, main
 from tests.helpers.processes import InThisProcess
@@ -103,6 +104,27 @@ def test_the_command_trains_what_has_no_results(command, tmp_path, capsys):
     changed = {**ROWS, "rows": {**ROWS["rows"], "pot": {**ROWS["rows"]["pot"], "timesteps": 64}}}
     with pytest.raises(SystemExit, match="expected a run of the same settings, but timesteps is 128, not 64"):
         command(changed)
+
+
+def test_budgets_train_rows_with_other_numbers_of_shots(command, tmp_path, monkeypatch, capsys):
+    published = command()["pot"]
+    monkeypatch.setattr(learning, "OUTPUT", tmp_path / "learning.json")
+    monkeypatch.setattr(budgets, "LEARNING", tmp_path / "learning.yaml")
+    monkeypatch.setattr(budgets, "FACTORS", {"pot": (0.5, 2)})
+    monkeypatch.setattr(budgets, "executor", lambda *_: contextlib.nullcontext(InThisProcess()))
+    path = tmp_path / "budgets.json"
+    for _ in range(2):  # the second time nothing is trained
+        budgets.main(["--output", str(path), "--images", str(tmp_path)])
+        content = json.loads(path.read_text())
+        shots, results = zip(*budgets.points(content)["pot"], strict=True)
+        assert shots == (64, 128, 256)
+        assert results[1]["alone"] == published["runs"]["3"]["tasks"]["Pot1-v0"]["success_rate"]
+        assert results[1]["of_many"] == published["proposals"]["Pot1-v0"]["16"]["success"]
+        assert all(0 <= one["alone"] <= 1 and one["seconds"] > 0 for one in results)
+        assert budgets.blocks(content)["table"] in capsys.readouterr().out
+        assert (tmp_path / "budgets.png").exists()
+        shutil.rmtree(tmp_path / "runs" / "budgets", ignore_errors=True)
+    assert not (tmp_path / "runs" / "budgets").exists()
 
 
 def test_open_tasks_come_first_and_the_best_player_is_named():
