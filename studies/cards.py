@@ -12,9 +12,7 @@ from billiards_env.bench.frozen import FROZEN, NAMESPACE
 from billiards_env.intervals import as_percent, over_seeds, wilson_interval
 from studies import learning, read_results, self_play, timestep
 
-_NUMBERS = (
-    "10 significant bits, for playing only: no training starts from them. The successes are those before rounding"
-)
+_NUMBERS = "10 significant bits, for playing only: no training starts from them"
 _LIMITS = "another table, radius of the balls, action or largest speed is refused"
 
 
@@ -39,9 +37,11 @@ def _card(folder: Path, name: str, seconds: float, where: Mapping[str, str], suc
     engine = "exact" if env["mode"] == "pic" else f"PIT with a timestep of 1/{1 / env['dt']:.0f} s"
     policy = "AimPolicy" if config.policy["head"] == "aim" else "MlpPolicy"
     if config.task is None:
+        numbers = _NUMBERS
         task = f"Eight ball for {env['n_players']} players on `{env['scene']}`, with the noise of `planner:club`"
         command = f"python -m billiards_env match noisy:club:policy:{place}:16 planner:club --scene {env['scene']}"
     else:
+        numbers = f"{_NUMBERS}. The successes are those before rounding"
         task = f"`{NAMESPACE}{config.task}`. {FROZEN[config.task].summary}"
         command = f"python -m billiards_env bench policy:{place} --tasks {config.task}"
     rows = [
@@ -51,7 +51,7 @@ def _card(folder: Path, name: str, seconds: float, where: Mapping[str, str], suc
         ("Learner", f"`{config.learner}`, engine: {engine}"),
         *((what, text) for what, text in where.items()),
         *((f"Success in {what}", text) for what, text in successes.items()),
-        ("Weights", _NUMBERS),
+        ("Weights", numbers),
         ("Limits", _LIMITS),
         ("License", "MIT, as the package"),
     ]
