@@ -1,6 +1,6 @@
 """Trains rows of `configs/learning.yaml` with fewer and with more shots: `python -m studies.budgets`.
 
-In each training the learning rate and the phases follow the number of its shots, as in the row. All have the first seed
+In each training the learning rate and the phases are scaled to its number of shots. All trainings have the first seed
 of the published results, and the published training is one of the points. A policy plays new layouts alone, and the
 public layouts with `PROPOSALS` simulated proposals. The results are
 
@@ -28,7 +28,7 @@ FACTORS: dict[str, tuple[float, ...]] = {
     "place": (0.125, 0.25, 0.5, 2),
     "position": (0.125, 0.25, 0.5, 2),
 }
-"""The numbers of shots of the trainings of each row, over that of the row."""
+"""For each row, the numbers of shots of its trainings, as multiples of the number in the row."""
 
 PROPOSALS = 16
 

@@ -2,11 +2,11 @@
 
 The training has the first seed of the published results. The results are
 
-* `studies/results/self_play.json`: the settings of the row, the learning curve, and the games that were won, lost and
-  neither, by match,
+* `studies/results/self_play.json`: the settings of the row, the learning curve, and for each match the numbers of games
+  that the policy won, that it lost, and that nobody won,
 * `studies/results/policies/eight_ball`: the policy, as `studies.learning` writes those of other rows.
 
-The command continues after an interruption. It plays a match again if the settings have changed.
+The command continues after an interruption. If the settings have changed, it trains and plays again.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ OUTPUT = RESULTS / "self_play.json"
 ROW = "eight_ball"
 GAME = {"task": "eight_ball", "n_players": 2, "scene": "real_pool"}
 MATCHES = {"alone": ("", "noisy:club:geometric"), "of 16": (":16", "planner:club")}
-"""What follows the folder in the name of the player, and the other player, which has the same noise, by match."""
+"""For each match, the end of the name of the player, and the other player, which has the same noise."""
 
 
 def measure(output: Path, games: int) -> dict[str, Any]:
