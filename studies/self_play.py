@@ -6,7 +6,8 @@ The training has the first seed of the published results. The results are
   that the policy won, that it lost, and that nobody won,
 * `studies/results/policies/eight_ball`: the policy, as `studies.learning` writes those of other rows.
 
-The command continues after an interruption. If the settings have changed, it trains and plays again.
+The command continues after an interruption; the folder of the run has the games of each match. If the settings have
+changed, it trains and plays again.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from tqdm import tqdm
 
 from agents.config import LEARNING, load, rows
 from agents.train import versions
@@ -42,6 +45,8 @@ def measure(output: Path, games: int) -> dict[str, Any]:
     folder = (RUNS / "learning" if output == OUTPUT else output.parent / "runs") / ROW
     policy = output.parent / "policies" / ROW
     if content.get("settings") != settings:
+        for path in folder.glob("*.json"):  # the games of another policy
+            path.unlink()
         seed = read_settings(LEARNING, "settings")["seeds"][0]
         curve, files = learning.trained(load(ROW, seed=seed), folder / f"seed{seed}")
         for file, text in files.items():
@@ -52,7 +57,10 @@ def measure(output: Path, games: int) -> dict[str, Any]:
     for name, (proposals, other) in MATCHES.items():
         if sum(content["matches"].get(name, ())) != games:
             players = (f"noisy:club:policy:{policy}{proposals}", other)
-            (content["matches"][name],) = play_pairs(players, games, GAME).values()
+            with tqdm(total=games, desc=name, unit="game") as bar:
+                path = folder / f"{name}.json"
+                played = play_pairs(players, games, GAME, 0, path, lambda _, count: bar.update(count - bar.n))
+            (content["matches"][name],) = played.values()
             write_json(output, content)
     return content
 

@@ -40,6 +40,9 @@ def test_the_command_trains_publishes_and_plays(tmp_path, monkeypatch, capsys):
     assert content["curve"][-1][0] >= 500
     assert (tmp_path / "policies" / "eight_ball" / "policy.pt").exists()
     assert self_play.blocks(content)["table"] in capsys.readouterr().out
+    for name, result in content["matches"].items():  # an interrupted match continues from these files
+        kept = tmp_path / "runs" / "eight_ball" / f"{name}.json"
+        assert list(json.loads(kept.read_text())["results"].values()) == [result]
     content["matches"]["alone"] = [0, 2, 0]
     del content["matches"]["of 2"]
     path.write_text(json.dumps(content))
