@@ -20,6 +20,7 @@ TIP = 3
 """The number of entries of a strike after its velocity: side, top and elevation."""
 
 _MOST = 0.7  # largest mean side and top over the miscue offset, so that the mean is no miscue
+_MOST_FACTOR = 1.5  # largest logarithm of a component's own factor of a standard deviation
 _LEVEL = -0.5  # the mean elevation before the training: below 0 the cue is level
 _FAR = 60.0  # densities of exp(-60) have no effect, and much smaller ones are denormal numbers, which are slow
 _LEAST_WORTH = 1e-3  # of a mixture that is joined with others
@@ -45,7 +46,9 @@ class Mixture(NamedTuple):
         dx, dy: (m, k) direction, a unit vector.
         speed: (m, k) mean along the direction.
         across: (m, k) standard deviation across the direction.
-        along: () standard deviation along it.
+        along: (m, k) standard deviation along it.
+        log_width: (m, k) logarithm of the product of the component's own factors of the two; 0 without `own_std` of
+            `AimNetwork`.
         tip: (m, 3, k) means of side, top and elevation; (m, 0, k) without strikes.
         tip_std: () their standard deviation.
         turn: ().
@@ -57,6 +60,7 @@ class Mixture(NamedTuple):
     speed: Tensor
     across: Tensor
     along: Tensor
+    log_width: Tensor
     tip: Tensor
     tip_std: Tensor
     turn: Tensor
@@ -82,12 +86,12 @@ class Mixture(NamedTuple):
     def proposals(self, count: int, generator: torch.Generator) -> Tensor:
         """Returns `count` proposed actions of one mixture, (count, a): the mode first.
 
-        The means of the components, the largest weights first, take turns with random actions, and with random actions
+        The means of the components, in the order of `mode`, take turns with random actions, and with random actions
         of more even weights and larger deviations. The best of 64 such actions succeeds more often than the best of 64
         random ones, with and without noise.
         """
         possible = int((self.log_weight > -_FAR).sum())
-        means = self.log_weight.argsort(1, descending=True)[0, : min((count + 2) // 3, possible)]
+        means = self._heights().argsort(1, descending=True)[0, : min((count + 2) // 3, possible)]
         many = self.repeated(max(1, (count - len(means) + 1) // 2))
         parts = (
             self.repeated(len(means))._action(means[:, None], self.log_weight.new_zeros(2 + self.tip.shape[1], 1)),
@@ -101,9 +105,9 @@ class Mixture(NamedTuple):
         """Returns one mixture of the components of all m, whose weights are multiplied by `worth` (m,)."""
         m, k = self.dx.shape
         log_weight = (self.log_weight + worth.clamp(min=_LEAST_WORTH).log()[:, None]).reshape(1, -1).log_softmax(1)
-        dx, dy, speed, across = (part.reshape(1, m * k) for part in self[1:5])
-        tip = self.tip.transpose(0, 1).flatten(1)[None]
-        return self._replace(log_weight=log_weight, dx=dx, dy=dy, speed=speed, across=across, tip=tip)
+        names = ("dx", "dy", "speed", "across", "along", "log_width")
+        parts = {name: getattr(self, name).reshape(1, m * k) for name in names}
+        return self._replace(log_weight=log_weight, tip=self.tip.transpose(0, 1).flatten(1)[None], **parts)
 
     def repeated(self, count: int) -> Mixture:
         """Returns each mixture `count` times."""
@@ -111,19 +115,23 @@ class Mixture(NamedTuple):
         return Mixture(*parts)
 
     def mode(self, errors: Tensor | None = None) -> Tensor:
-        """Returns the mean of the Gaussian with the largest weight, (m, 2) or (m, 5).
+        """Returns the mean of the highest Gaussian, (m, 2) or (m, 5): the one with the largest weight for its width.
 
         Args:
             errors: (2, m) or (5, m), added to the mean, in standard deviations; None for no errors.
         """
         if errors is None:
             errors = self.log_weight.new_zeros(2 + self.tip.shape[1], 1)
-        return self._action(self.log_weight.argmax(1, keepdim=True), errors)
+        return self._action(self._heights().argmax(1, keepdim=True), errors)
+
+    def _heights(self) -> Tensor:
+        """Returns the logarithms (m, k) of the weights over the widths."""
+        return self.log_weight - self.log_width
 
     def _action(self, component: Tensor, errors: Tensor) -> Tensor:
         """Returns the actions of components (m, 1); `errors` are in standard deviations."""
-        dx, dy, speed, across = (part.gather(1, component)[:, 0] for part in self[1:5])
-        ahead, aside = speed + errors[0] * self.along, errors[1] * across
+        dx, dy, speed, across, along = (part.gather(1, component)[:, 0] for part in self[1:6])
+        ahead, aside = speed + errors[0] * along, errors[1] * across
         x, y = ahead * dx - aside * dy, ahead * dy + aside * dx
         numbers = self.tip.shape[1]
         if not numbers:
@@ -141,10 +149,10 @@ class Mixture(NamedTuple):
         ahead = (x * self.dx + y * self.dy - self.speed) / self.along
         aside = (y * self.dx - x * self.dy) / self.across
         far = (0.5 * (ahead * ahead + aside * aside)).clamp(max=_FAR)
-        logs = self.log_weight - far - self.across.log()
+        logs = self.log_weight - far - (self.across * self.along).log()
         if numbers:
             logs = logs - 0.5 * ((tip[:, :, None] - self.tip) / self.tip_std).square().sum(1)
-        constant = self.along.log() + numbers * self.tip_std.log() + (1 + 0.5 * numbers) * math.log(2 * math.pi)
+        constant = numbers * self.tip_std.log() + (1 + 0.5 * numbers) * math.log(2 * math.pi)
         return logs.logsumexp(1) - constant
 
     def entropy(self) -> Tensor:
@@ -216,6 +224,9 @@ class AimNetwork(nn.Module):
             without a goal.
         diameter: The diameter of a ball, m. With it the logits also depend on how clear two paths are: that of the cue
             ball to its contact with the ball in first place, and that of this ball from there on. 0 for no such paths.
+        own_std: Whether each component also has its own factors of the standard deviations of speed and point, which
+            depend on the layout (Bishop 1994, Mixture density networks). The likelihood then fits shots that must be
+            exact more closely than others.
 
     Attributes:
         std: Standard deviations of the speed, over the largest, of the point aimed at, m, and of the three other
@@ -242,9 +253,10 @@ class AimNetwork(nn.Module):
         waves: int = 0,
         goal_units: int = 0,
         diameter: float = 0.0,
+        own_std: bool = False,
     ) -> None:
         super().__init__()
-        self.aim, self.waves, self.diameter = aim, waves, diameter
+        self.aim, self.waves, self.diameter, self.own_std = aim, waves, diameter, own_std
         self.ranges = len(speeds) - 1
         self.numbers = TIP * strikes
         self.goal, self.legal = "goal" in features, "legal_balls" in features
@@ -259,7 +271,8 @@ class AimNetwork(nn.Module):
         self.register_buffer("std", torch.ones(3))
         self.first_points = nn.Parameter(self.CIRCLE * torch.stack((angles.cos(), angles.sin())))
         self.shifts = goal_units > 0 and aim == "layout"
-        outputs = (2 + self.shifts + self.numbers) * points * self.ranges
+        self.kinds = 2 + 2 * own_std + self.shifts + self.numbers
+        outputs = self.kinds * points * self.ranges
         self.points = _Layers(2 + 4 * waves if aim == "ball" else inputs, half, 2 * points, 0.02)
         self.choice = _Layers(inputs, hidden, goal_units or outputs, 1.0 if goal_units else 0.02)
         if goal_units:
@@ -363,7 +376,7 @@ class AimNetwork(nn.Module):
             near = (goal * signs).flatten(0, 1)
             near = self.of_goal(torch.cat((near, self._waves(near)), 1))
             choice = self.choice_for_goal(choice + near.reshape(choice.shape))
-        logit, faster, *tip = choice.chunk(2 + self.shifts + self.numbers, 2)
+        logit, faster, *tip = choice.chunk(self.kinds, 2)
         if self.shifts:
             shift, *tip = tip
             dx, dy = _turned(dx, dy, self.CIRCLE * shift * inverse * signs.prod(2, keepdim=True))
@@ -373,12 +386,19 @@ class AimNetwork(nn.Module):
         speed = self.slowest + self.faster * faster.sigmoid()
         # The std of the direction is the std of the point over its distance. The limit is for points near the cue ball.
         across = speed * self.std[1] * inverse.clamp(max=10.0)
+        along, log_width = self.std[0].expand_as(speed), torch.zeros_like(speed)
+        if self.own_std:
+            *tip, longer, wider = tip
+            longer, wider = (_MOST_FACTOR * (part / _MOST_FACTOR).tanh() for part in (longer, wider))
+            along, across, log_width = along * longer.exp(), across * wider.exp(), longer + wider
         if tip:
             side, top, elevation = tip  # a reflection at one axis changes the sign of the side
             tip = [_MOST * side.tanh() * signs.prod(2, keepdim=True), _MOST * top.tanh(), _LEVEL + elevation]
-        logit, dx, dy, speed, across, *tip = (part.flatten(1) for part in (logit, dx, dy, speed, across, *tip))
+        parts = (logit, dx, dy, speed, across, along, log_width, *tip)
+        logit, dx, dy, speed, across, along, log_width, *tip = (part.flatten(1) for part in parts)
         strike = torch.stack(tip, 1) if tip else logit.new_empty(logit.shape[0], 0, 1)
-        return Mixture(logit.log_softmax(1), dx, dy, speed, across, self.std[0], strike, self.std[2], self.turn)
+        weights = logit.log_softmax(1)
+        return Mixture(weights, dx, dy, speed, across, along, log_width, strike, self.std[2], self.turn)
 
     def _waves(self, places: Tensor) -> Tensor:
         """Returns sines and cosines (k, 4 * waves) of places (k, 2)."""

@@ -29,12 +29,8 @@ class _Outputs(nn.Module):
 
     def forward(self, observation: Tensor) -> tuple[Tensor, ...]:
         mixture, values = self.policy.mixtures_and_values(observation)
-        along, tip_std = mixture.along.expand_as(mixture.speed), mixture.tip_std.expand_as(mixture.tip)
-        return (
-            mixture.mode(),
-            values,
-            *mixture._replace(along=along, tip_std=tip_std, turn=mixture.turn.expand_as(values)),
-        )
+        tip_std, turn = mixture.tip_std.expand_as(mixture.tip), mixture.turn.expand_as(values)
+        return mixture.mode(), values, *mixture._replace(tip_std=tip_std, turn=turn)
 
 
 def to_onnx(policy: AimPolicy, path: str | PathLike[str]) -> None:

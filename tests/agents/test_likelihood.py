@@ -155,7 +155,7 @@ def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(tmp_path, m
         {"task": "PositionStrike-v0"},
         {"task": "Pot1-v0"},
         {"policy": {"arguments": {"hidden": 16}}},  # the goal is an input of all networks
-        {"task": "Carom-v0", "policy": {"arguments": {"hidden": 16}}},
+        {"task": "Carom-v0", "policy": {"arguments": {"hidden": 16, "own_std": True}}},
         {"task": "Pot3Noise-v0", "policy": {"arguments": {"hidden": 16}}},
     ],
 )

@@ -15,7 +15,7 @@ FORMS = {
     "goal in two layers": (2, {"features": {"goal": (1, 2)}, "waves": 2, "goal_units": 8}),
     "points for a goal": (2, {"aim": "layout", "features": {"goal": (1, 2)}, "goal_units": 8}),
     "run-out": (4, {"features": {"legal_balls": (4,)}, "diameter": 0.06}),
-    "strikes": (2, {"aim": "layout", "strikes": True}),
+    "strikes": (2, {"aim": "layout", "strikes": True, "own_std": True}),
 }
 
 
@@ -138,10 +138,12 @@ def test_balls_in_the_way_change_the_logits():
 
 def test_the_density_of_the_mixture_integrates_to_one():
     torch.manual_seed(0)
-    net = AimNetwork(HALF, 3, (0.1, 0.3, 0.6), 16)
+    net = AimNetwork(HALF, 3, (0.1, 0.3, 0.6), 16, own_std=True)
     net.std[:2] = 0.1
     with torch.no_grad():
+        net.get_parameter("choice.4.bias").normal_(0, 0.3)
         mixture, _ = net(torch.tensor([[[0.2, -0.3], [-0.4, 0.5]]]))
+        assert len(set(mixture.along[0].tolist())) == 6  # points times ranges
         edges = torch.linspace(-1.5, 1.5, 1201)
         logs = torch.cat([mixture.log_prob(part) for part in torch.cartesian_prod(edges, edges).split(100_000)])
     assert logs.exp().sum() * (edges[1] - edges[0]) ** 2 == pytest.approx(1.0, abs=1e-3)
@@ -158,7 +160,7 @@ def test_the_density_of_strikes_is_that_of_their_samples():
         assert strikes.shape == (50_000, 5)
         # The mean log-density of one Gaussian is minus its entropy.
         entropy = 2.5 * math.log(2 * math.pi * math.e) + sum(
-            std.log().item() for std in (mixture.along, mixture.across[0, 0], *3 * [mixture.tip_std])
+            std.log().item() for std in (mixture.along[0, 0], mixture.across[0, 0], *3 * [mixture.tip_std])
         )
     assert -mixture.log_prob(strikes).mean().item() == pytest.approx(entropy, abs=0.03)
     # A larger side needs a cue that is turned back.
@@ -166,6 +168,22 @@ def test_the_density_of_strikes_is_that_of_their_samples():
         torch.stack((strikes[:, 2], torch.ones(50_000)), 1), torch.atan2(strikes[:, 1], strikes[:, 0])[:, None]
     ).solution[0]
     assert slope.item() == pytest.approx(-0.3, abs=0.02)
+
+
+def test_the_mode_is_the_mean_with_the_largest_weight_for_its_width():
+    torch.manual_seed(0)
+    net = AimNetwork(HALF, 3, (0.1, 0.3, 0.6), 16, own_std=True)
+    net.std[:] = torch.tensor([0.01, 0.001, 0.01])
+    layout = torch.tensor([[[0.2, -0.3], [-0.4, 0.5]]])
+    with torch.no_grad():
+        before, _ = net(layout)
+        last = net.get_parameter("choice.4.bias").unflatten(0, (net.kinds, 6))
+        last[0, 4], last[-1, 4] = 0.5, 1.0  # heavier and wider than the others
+        mixture, _ = net(layout)
+    assert mixture.log_weight.argmax() == 4
+    assert not torch.equal(mixture.mode(), mixture._action(torch.tensor([[4]]), torch.zeros(2, 1)))
+    widths = (mixture.along * mixture.across / (before.along * before.across)).log()
+    torch.testing.assert_close(mixture.log_width - before.log_width, widths, atol=1e-5, rtol=1e-4)
 
 
 def test_all_tensors_are_on_the_device_of_the_weights(form, monkeypatch):
