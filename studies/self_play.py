@@ -6,8 +6,8 @@ The training has the first seed of the published results. The results are
   that the policy won, that it lost, and that nobody won,
 * `studies/results/policies/eight_ball`: the policy, as `studies.learning` writes those of other rows.
 
-The command continues after an interruption; the folder of the run has the games of each match. If the settings have
-changed, it trains and plays again.
+The command continues after an interruption. During a match it saves the results after every 20 games, in the folder of
+the run. If the settings have changed, it trains and plays again.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def measure(output: Path, games: int) -> dict[str, Any]:
         if sum(content["matches"].get(name, ())) != games:
             players = (f"noisy:club:policy:{policy}{proposals}", other)
             with tqdm(total=games, desc=name, unit="game") as bar:
-                path = folder / f"{name}.json"
+                path = folder / f"{name} {games}.json"
                 played = play_pairs(players, games, GAME, 0, path, lambda _, count: bar.update(count - bar.n))
             (content["matches"][name],) = played.values()
             write_json(output, content)

@@ -47,8 +47,8 @@ class Mixture(NamedTuple):
         speed: (m, k) mean along the direction.
         across: (m, k) standard deviation across the direction.
         along: (m, k) standard deviation along it.
-        log_width: (m, k) logarithm of the product of the component's own factors of the two; 0 without `own_std` of
-            `AimNetwork`.
+        log_width: (m, k) logarithm of the product of the component's own factors of `across` and `along`; 0 without
+            `own_std` of `AimNetwork`.
         tip: (m, 3, k) means of side, top and elevation; (m, 0, k) without strikes.
         tip_std: () their standard deviation.
         turn: ().
@@ -115,7 +115,7 @@ class Mixture(NamedTuple):
         return Mixture(*parts)
 
     def mode(self, errors: Tensor | None = None) -> Tensor:
-        """Returns the mean of the highest Gaussian, (m, 2) or (m, 5): the one with the largest weight for its width.
+        """Returns the mean of the Gaussian with the largest weight over its own factors, (m, 2) or (m, 5).
 
         Args:
             errors: (2, m) or (5, m), added to the mean, in standard deviations; None for no errors.
@@ -125,7 +125,7 @@ class Mixture(NamedTuple):
         return self._action(self._heights().argmax(1, keepdim=True), errors)
 
     def _heights(self) -> Tensor:
-        """Returns the logarithms (m, k) of the weights over the widths."""
+        """Returns the logarithms (m, k) of the weights over the own factors of the standard deviations."""
         return self.log_weight - self.log_width
 
     def _action(self, component: Tensor, errors: Tensor) -> Tensor:
@@ -225,8 +225,8 @@ class AimNetwork(nn.Module):
         diameter: The diameter of a ball, m. With it the logits also depend on how clear two paths are: that of the cue
             ball to its contact with the ball in first place, and that of this ball from there on. 0 for no such paths.
         own_std: Whether each component also has its own factors of the standard deviations of speed and point, which
-            depend on the layout (Bishop 1994, Mixture density networks). The likelihood then fits shots that must be
-            exact more closely than others.
+            depend on the layout (Bishop 1994, Mixture density networks). Shots that need more precision get smaller
+            ones.
 
     Attributes:
         std: Standard deviations of the speed, over the largest, of the point aimed at, m, and of the three other

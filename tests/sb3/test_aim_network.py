@@ -170,7 +170,7 @@ def test_the_density_of_strikes_is_that_of_their_samples():
     assert slope.item() == pytest.approx(-0.3, abs=0.02)
 
 
-def test_the_mode_is_the_mean_with_the_largest_weight_for_its_width():
+def test_the_mode_is_the_mean_with_the_largest_weight_over_its_own_factors():
     torch.manual_seed(0)
     net = AimNetwork(HALF, 3, (0.1, 0.3, 0.6), 16, own_std=True)
     net.std[:] = torch.tensor([0.01, 0.001, 0.01])
