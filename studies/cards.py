@@ -12,7 +12,7 @@ from billiards_env.bench.frozen import FROZEN, NAMESPACE
 from billiards_env.intervals import as_percent, over_seeds, wilson_interval
 from studies import learning, read_results, self_play, timestep
 
-_NUMBERS = "10 significant bits, for playing only: no training starts from them"
+_NUMBERS = "9 significant bits, for playing only: no training starts from them"
 _LIMITS = "another table, radius of the balls, action or largest speed is refused"
 
 

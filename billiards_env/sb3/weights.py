@@ -169,8 +169,9 @@ def save_policy(policy: BasePolicy, path: Path) -> None:
 def slim(run_dir: Path) -> dict[str, bytes]:
     """Returns the files of a smaller copy of a finished run, by name. Its weights are for playing only.
 
-    Numbers have 10 significant bits in place of 24, as float16 without its last bit. After a training with one object
-    ball the networks `other_ball` have no effect, and their weights are 0. The file is deflated.
+    Numbers have 9 significant bits in place of 24, as float16 without its last two bits. Untrained weights are 0:
+    those of `other_ball` after a training with one object ball, and those of the critic after a training by
+    `learner: likelihood` for one shot. The file is deflated.
 
     Raises:
         FileNotFoundError: If the folder holds no finished run.
@@ -179,8 +180,11 @@ def slim(run_dir: Path) -> dict[str, bytes]:
     """
     check_finished(run_dir)
     weights = read_weights(run_dir / "policy.pt")
-    unused = () if weights.get("net.other_balls.weight", torch.ones(1)).any() else "net.other_ball."
-    small = {name: _rounded(0 * one if name.startswith(unused) else one) for name, one in weights.items()}
+    settings = read_settings(run_dir / "config.yaml", "the settings of a run")
+    unused = [] if weights.get("net.other_balls.weight", torch.ones(1)).any() else ["net.other_ball."]
+    if settings.get("learner") == "likelihood" and (settings.get("env") or {}).get("max_shots") == 1:
+        unused.append("net.critic.")
+    small = {name: _rounded(0 * one if name.startswith(tuple(unused)) else one) for name, one in weights.items()}
     if not all(one.isfinite().all() for one in small.values()):
         raise ValueError(f"run_dir = {str(run_dir)!r}: expected weights up to 65,000")
     buffer = io.BytesIO()
@@ -199,7 +203,8 @@ def _rounded(tensor: Tensor) -> Tensor:
     if not tensor.is_floating_point():
         return tensor
     bits = tensor.float().flatten().view(torch.int32)
-    return (bits + 2**13 & -(2**14)).view(torch.float32).half().reshape(tensor.shape)
+    even = bits + 2**14 - 1 + (bits >> 15 & 1)  # a number halfway between two others becomes the even one
+    return (even & -(2**15)).view(torch.float32).half().reshape(tensor.shape)
 
 
 def _packed(weights: Mapping[str, Tensor]) -> bytes:
