@@ -176,8 +176,8 @@ def slim(run_dir: Path) -> dict[str, bytes]:
     Raises:
         FileNotFoundError: If the folder holds no finished run.
         OSError: If a file cannot be read.
-        ValueError: If `policy.pt` holds no weights, or a weight that is too large for float16, or `config.yaml` holds no
-            settings.
+        ValueError: If `policy.pt` holds no weights or a weight that is too large for float16, or `config.yaml` holds
+            no settings.
     """
     check_finished(run_dir)
     weights = read_weights(run_dir / "policy.pt")
