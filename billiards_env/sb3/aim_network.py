@@ -29,6 +29,9 @@ _PATH_UNITS = 16  # hidden units of the network of the paths
 _NEVER = -1e4  # the logit of a component whose ball is not on the table, or not legal
 
 
+ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU, "elu": nn.ELU, "silu": nn.SiLU}
+"""The activations of policies, by their names in a configuration."""
+
 OBSERVED = ("positions", "goal", "legal_balls", "shots_left", "physics", "in_hand")
 """The features of observations that the networks can take. The others follow from the positions."""
 
@@ -227,6 +230,8 @@ class AimNetwork(nn.Module):
         own_std: Whether each component also has its own factors of the standard deviations of speed and point, which
             depend on the layout (Bishop 1994, Mixture density networks). Shots that need more precision get smaller
             ones.
+        activation: The activation of the hidden layers, one of `ACTIVATIONS`. With "silu" (Elfwing et al. 2018,
+            Sigmoid-weighted linear units) the outputs are smooth functions of the positions.
 
     Attributes:
         std: Standard deviations of the speed, over the largest, of the point aimed at, m, and of the three other
@@ -254,8 +259,10 @@ class AimNetwork(nn.Module):
         goal_units: int = 0,
         diameter: float = 0.0,
         own_std: bool = False,
+        activation: str = "relu",
     ) -> None:
         super().__init__()
+        unit = ACTIVATIONS[activation]
         self.aim, self.waves, self.diameter, self.own_std = aim, waves, diameter, own_std
         self.ranges = len(speeds) - 1
         self.numbers = TIP * strikes
@@ -273,21 +280,23 @@ class AimNetwork(nn.Module):
         self.shifts = goal_units > 0 and aim == "layout"
         self.kinds = 2 + 2 * own_std + self.shifts + self.numbers
         outputs = self.kinds * points * self.ranges
-        self.points = _Layers(2 + 4 * waves if aim == "ball" else inputs, half, 2 * points, 0.02)
-        self.choice = _Layers(inputs, hidden, goal_units or outputs, 1.0 if goal_units else 0.02)
+        self.points = _Layers(unit, 2 + 4 * waves if aim == "ball" else inputs, half, 2 * points, 0.02)
+        self.choice = _Layers(unit, inputs, hidden, goal_units or outputs, 1.0 if goal_units else 0.02)
         if goal_units:
             self.of_goal = nn.Linear(2 + 4 * waves, goal_units, bias=False)
-            self.choice_for_goal = nn.Sequential(nn.ReLU(), *list(_Layers(goal_units, goal_units, outputs, 0.02))[2:])
-        self.critic = TableCritic(half) if self.legal and "in_hand" in features else _Layers(inputs, half, 1)
+            _, _, *later = _Layers(unit, goal_units, goal_units, outputs, 0.02)
+            self.choice_for_goal = nn.Sequential(unit(), *later)
+        of_table = self.legal and "in_hand" in features
+        self.critic = TableCritic(unit, half) if of_table else _Layers(unit, inputs, half, 1)
         self.turn = nn.Parameter(torch.zeros(()))
         self.widths = hidden, half, half if aim == "layout" else 0
-        self.other_ball = nn.Sequential(nn.Linear(5 + self.legal, half), nn.ReLU(), nn.Linear(half, half), nn.ReLU())
+        self.other_ball = nn.Sequential(nn.Linear(5 + self.legal, half), unit(), nn.Linear(half, half), unit())
         self.other_balls = nn.Linear(half, sum(self.widths), bias=False)
         nn.init.zeros_(self.other_balls.weight)
         if diameter:
             last = nn.Linear(_PATH_UNITS, self.ranges)
             nn.init.zeros_(last.weight)
-            self.of_paths = nn.Sequential(nn.Linear(2, _PATH_UNITS), nn.ReLU(), last)
+            self.of_paths = nn.Sequential(nn.Linear(2, _PATH_UNITS), unit(), last)
 
     def forward(self, positions: Tensor, legal: Tensor | None = None, **others: Tensor) -> tuple[Mixture, Tensor]:
         """Returns the mixtures and the values (m,) for m layouts of n object balls, for any n.
@@ -470,10 +479,10 @@ class TableCritic(nn.Module):
     and y >= 0. Another one takes the sums and the largest values of its outputs.
     """
 
-    def __init__(self, units: int) -> None:
+    def __init__(self, unit: type[nn.Module], units: int) -> None:
         super().__init__()
-        self.ball = nn.Sequential(nn.Linear(11, units), nn.ReLU(), nn.Linear(units, units), nn.ReLU())
-        self.table = _Layers(2 * units + 4, units, 1, 0.1)
+        self.ball = nn.Sequential(nn.Linear(11, units), unit(), nn.Linear(units, units), unit())
+        self.table = _Layers(unit, 2 * units + 4, units, 1, 0.1)
 
     def forward(self, positions: Tensor, legal_balls: Tensor, in_hand: Tensor, half_extents: Tensor) -> Tensor:
         """Returns the values (m,) for features of m layouts."""
@@ -489,14 +498,14 @@ class TableCritic(nn.Module):
 
 
 class _Layers(nn.Sequential):
-    """A network with two hidden layers. `scale` multiplies the first weights of its last layer."""
+    """A network with two hidden layers and an activation. `scale` multiplies the first weights of its last layer."""
 
-    def __init__(self, inputs: int, hidden: int, outputs: int, scale: float = 1.0) -> None:
+    def __init__(self, unit: type[nn.Module], inputs: int, hidden: int, outputs: int, scale: float = 1.0) -> None:
         last = nn.Linear(hidden, outputs)
         with torch.no_grad():
             last.weight.mul_(scale)
             last.bias.zero_()
-        super().__init__(nn.Linear(inputs, hidden), nn.ReLU(), nn.Linear(hidden, hidden), nn.ReLU(), last)
+        super().__init__(nn.Linear(inputs, hidden), unit(), nn.Linear(hidden, hidden), unit(), last)
 
     def forward(self, input: Tensor, added: Tensor | None = None) -> Tensor:
         """Returns the outputs. `added` is added to the output of the first layer."""

@@ -24,7 +24,7 @@ from billiards_env.envs.actions import action_named
 from billiards_env.envs.arguments import plain
 from billiards_env.envs.tasks import task_of
 from billiards_env.envs.trials import Outcomes
-from billiards_env.sb3.aim_network import OBSERVED, AimNetwork, Mixture
+from billiards_env.sb3.aim_network import ACTIVATIONS, OBSERVED, AimNetwork, Mixture
 from billiards_env.support.checks import Range, finite, flag, integer, numbers, one_of, sequence, short
 
 PPO_SETTINGS: dict[str, Any] = {
@@ -121,7 +121,7 @@ class AimPolicy(ActorCriticPolicy):
         observe: The features of the environment that the networks observe, with "positions": some of
             `aim_network.OBSERVED`. None for all of them that the environment has.
         points, speeds, hidden: As in `AimNetwork`.
-        waves, goal_units, own_std: As in `AimNetwork`.
+        waves, goal_units, own_std, activation: As in `AimNetwork`.
         paths: Whether the logits also depend on how clear the paths of the balls are, see `diameter` of `AimNetwork`.
             All balls count with the radius of the cue ball.
         aim: As in `AimNetwork`; None for "ball" in the tasks that need pockets and "layout" in the others.
@@ -165,6 +165,7 @@ class AimPolicy(ActorCriticPolicy):
         goal_units: int = 0,
         paths: bool = False,
         own_std: bool = False,
+        activation: str = "relu",
         exploration: int = 500_000,
         std_speed: Sequence[float] = (0.1, 0.03),
         std_aim: Sequence[float] = (0.025, 0.0015),
@@ -178,6 +179,7 @@ class AimPolicy(ActorCriticPolicy):
         integer("goal_units", goal_units, Range(0, 4096))
         flag("paths", paths)
         flag("own_std", own_std)
+        one_of("activation", activation, tuple(ACTIVATIONS))
         integer("exploration", exploration, Range(1, None))
         borders = numbers("speeds", speeds)
         if borders.ndim != 1 or not 2 <= len(borders) <= _MOST_SPEEDS or not (np.diff(borders) > 0.0).all():
@@ -216,6 +218,7 @@ class AimPolicy(ActorCriticPolicy):
         one_of("aim", aim, ("ball", "layout"))
         self.network: dict[str, Any] = {"points": points, "speeds": tuple(speeds), "hidden": hidden, "aim": aim}
         self.network |= {"waves": waves, "goal_units": goal_units, "paths": paths, "own_std": own_std}
+        self.network["activation"] = activation
         seen = [name for name in OBSERVED if name in self.game.features]
         self.observe = seen if observe is None else list(sequence("observe", observe))
         for name in self.observe:

@@ -17,7 +17,7 @@ from torch import Tensor
 
 from billiards_env.bench.frozen import FROZEN
 from billiards_env.envs import BilliardsEnv
-from billiards_env.sb3.aim_network import OBSERVED
+from billiards_env.sb3.aim_network import ACTIVATIONS, OBSERVED
 from billiards_env.sb3.aim_policy import AimPolicy, find_game
 from billiards_env.settings import read_settings
 from billiards_env.support.checks import Range, integer, one_of, sequence, short, short_name
@@ -25,8 +25,6 @@ from billiards_env.support.files import MAX_ARCHIVE, read_bytes, unzipped, write
 
 AIM_ARGUMENTS = tuple(inspect.signature(AimPolicy).parameters)[4:-1]
 """The arguments of `AimPolicy` in the section `policy.arguments` of a configuration: those after `env`."""
-
-ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU, "silu": torch.nn.SiLU}
 
 POLICIES: dict[str, type[ActorCriticPolicy]] = {"aim": AimPolicy, "gaussian": ActorCriticPolicy}
 """The policies, by `policy.head` of a configuration."""

@@ -1,5 +1,5 @@
-// A trained `AimPolicy` for velocities without goal, waves, paths and own_std: the mixture of Gaussians of `AimNetwork`
-// for a layout.
+// A trained `AimPolicy` for velocities without goal, waves, paths and own_std, with the activation "relu": the mixture of
+// Gaussians of `AimNetwork` for a layout.
 
 const CIRCLE = 0.05, MOST_INVERSE = 10;  // as in billiards_env/sb3/aim_network.py
 

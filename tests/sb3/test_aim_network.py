@@ -12,7 +12,7 @@ FORMS = {
     "one ball": (1, {}),
     "three balls": (3, {"aim": "layout"}),
     "goal": (2, {"features": {"goal": (1, 2), "shots_left": (), "physics": (2,)}}),
-    "goal in two layers": (2, {"features": {"goal": (1, 2)}, "waves": 2, "goal_units": 8}),
+    "goal in two layers": (2, {"features": {"goal": (1, 2)}, "waves": 2, "goal_units": 8, "activation": "silu"}),
     "points for a goal": (2, {"aim": "layout", "features": {"goal": (1, 2)}, "goal_units": 8}),
     "run-out": (4, {"features": {"legal_balls": (4,)}, "diameter": 0.06}),
     "strikes": (2, {"aim": "layout", "strikes": True, "own_std": True}),
@@ -30,6 +30,13 @@ def form(request):
             weights.add_(0.1 * torch.randn(weights.shape))
     net.std[:] = torch.tensor([0.1, 0.02, 0.2])
     return balls, net
+
+
+@pytest.mark.parametrize("features", [{"goal": (1, 2)}, {"legal_balls": (3,), "in_hand": ()}])
+def test_all_hidden_layers_have_the_activation(features):
+    net = AimNetwork(HALF, 5, (0.1, 0.6), 16, features=features, goal_units=8, diameter=0.06, activation="silu")
+    units = {type(part) for part in net.modules() if not list(part.children())}
+    assert units == {torch.nn.Linear, torch.nn.SiLU}
 
 
 def layouts_of(balls, count=6):

@@ -149,6 +149,7 @@ WRONG = [
     (lambda: learning(vector(action="plan")), "action = 'plan', .*: expected 'velocity' or 'strike'"),
     (lambda: alone(NINE, env=NINE), "can_place = True, .*: expected .* False"),
     (lambda: alone({}, env={"n_object_balls": 2}), r"expected the arguments .*, whose observation .* not \(6,\)"),
+    (lambda: alone({}, env={}, activation="gelu"), "activation = 'gelu': expected one of 'tanh', 'relu'"),
     (lambda: alone({}, env={}, aim="pocket"), "aim = 'pocket': expected one of 'ball', 'layout'"),
     (lambda: alone(EMPTY, env=EMPTY), "expected an object ball"),
 ]

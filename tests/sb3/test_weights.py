@@ -71,6 +71,7 @@ def test_a_policy_for_a_frozen_task_plays_it_whatever_its_rewards_were(folder):
 
 @pytest.mark.parametrize("balls", [1, 3])
 def test_a_slim_policy_is_smaller_and_plays_with_rounded_weights(balls, tmp_path):
+    torch.manual_seed(0)
     env, copy = {**ENV, "n_object_balls": balls, "max_shots": 1}, tmp_path / "copy"
     policy: Any = build_policy(env, {"head": "aim", "arguments": {"hidden": 32}})
     if balls > 1:
@@ -92,7 +93,7 @@ def test_a_slim_policy_is_smaller_and_plays_with_rounded_weights(balls, tmp_path
             torch.testing.assert_close(rounded[name], weights, rtol=2**-9, atol=1.2e-7)
     layouts = torch.rand(50, 2 * (1 + balls)) * 1.6 - 0.8
     played = [load_policy(folder)[1].predict(layouts.numpy(), deterministic=True)[0] for folder in (tmp_path, copy)]
-    assert played[0] == pytest.approx(played[1], abs=2e-3)
+    assert played[0] == pytest.approx(played[1], abs=4e-3)  # twice the largest error of a weight near 1
 
 
 def test_a_weight_that_a_slim_policy_cannot_hold_is_refused(folder):
