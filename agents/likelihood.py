@@ -74,6 +74,7 @@ _WORTH = 0.1  # least mean return by which the gradient of a layout is divided
 _SLOWER = 0.5  # factor of the learning rate in the second phase
 _CRITIC = 0.1  # weight of the error of the critic
 _NORM = 5.0  # largest norm of a gradient
+_BETAS = (0.9, 0.99)  # of Adam; with a longer memory of the squares of the gradients training is slower
 _BEGIN = 0.3  # share of the shots after which corrections begin; with earlier corrections a policy became worse
 _CHANGE = 0.1  # of an action, for finite differences, in standard deviations of the policy
 _FARTHEST = 2.5  # largest correction, in standard deviations
@@ -120,7 +121,7 @@ class LikelihoodTraining(Training):
         self._log_std = nn.Parameter(self.policy.net.std.log())
         parameters = [*self.policy.net.parameters(), self._log_std]
         # Each phase has its own moments, because the gradients differ in size.
-        self._optimizers = [torch.optim.Adam(parameters, eps=1e-5, fused=True) for _ in range(2)]
+        self._optimizers = [torch.optim.Adam(parameters, betas=_BETAS, fused=True) for _ in range(2)]
         self._rng = np.random.default_rng(config.seed)
         self._kept: deque[tuple[Seen, Labels]] = deque(maxlen=_KEPT)
         # A shot from each layout compiles the engine, so that this is no part of the time of the training.
