@@ -28,7 +28,6 @@ _EVEN, _WIDE = 0.3, 2.0  # sharpness and spread of the most varied proposals
 _PATH_UNITS = 16  # hidden units of the network of the paths
 _NEVER = -1e4  # the logit of a component whose ball is not on the table, or not legal
 
-
 ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU, "elu": nn.ELU, "silu": nn.SiLU}
 """The activations of policies, by their names in a configuration."""
 
@@ -230,8 +229,8 @@ class AimNetwork(nn.Module):
         own_std: Whether each component also has its own factors of the standard deviations of speed and point, which
             depend on the layout (Bishop 1994, Mixture density networks). Shots that need more precision get smaller
             ones.
-        activation: The activation of the hidden layers, one of `ACTIVATIONS`. With "silu" (Elfwing et al. 2018,
-            Sigmoid-weighted linear units) the outputs are smooth functions of the positions.
+        activation: The activation of all hidden layers except those of `TableCritic`, one of `ACTIVATIONS`. "silu"
+            (Elfwing et al. 2018, Sigmoid-weighted linear units) is smooth; "relu" has a kink at 0.
 
     Attributes:
         std: Standard deviations of the speed, over the largest, of the point aimed at, m, and of the three other
@@ -287,7 +286,7 @@ class AimNetwork(nn.Module):
             _, _, *later = _Layers(unit, goal_units, goal_units, outputs, 0.02)
             self.choice_for_goal = nn.Sequential(unit(), *later)
         of_table = self.legal and "in_hand" in features
-        self.critic = TableCritic(unit, half) if of_table else _Layers(unit, inputs, half, 1)
+        self.critic = TableCritic(half) if of_table else _Layers(unit, inputs, half, 1)
         self.turn = nn.Parameter(torch.zeros(()))
         self.widths = hidden, half, half if aim == "layout" else 0
         self.other_ball = nn.Sequential(nn.Linear(5 + self.legal, half), unit(), nn.Linear(half, half), unit())
@@ -479,10 +478,10 @@ class TableCritic(nn.Module):
     and y >= 0. Another one takes the sums and the largest values of its outputs.
     """
 
-    def __init__(self, unit: type[nn.Module], units: int) -> None:
+    def __init__(self, units: int) -> None:
         super().__init__()
-        self.ball = nn.Sequential(nn.Linear(11, units), unit(), nn.Linear(units, units), unit())
-        self.table = _Layers(unit, 2 * units + 4, units, 1, 0.1)
+        self.ball = nn.Sequential(nn.Linear(11, units), nn.ReLU(), nn.Linear(units, units), nn.ReLU())
+        self.table = _Layers(nn.ReLU, 2 * units + 4, units, 1, 0.1)
 
     def forward(self, positions: Tensor, legal_balls: Tensor, in_hand: Tensor, half_extents: Tensor) -> Tensor:
         """Returns the values (m,) for features of m layouts."""
@@ -498,7 +497,10 @@ class TableCritic(nn.Module):
 
 
 class _Layers(nn.Sequential):
-    """A network with two hidden layers and an activation. `scale` multiplies the first weights of its last layer."""
+    """A network with two hidden layers, each followed by an activation.
+
+    `scale` multiplies the first weights of the last layer.
+    """
 
     def __init__(self, unit: type[nn.Module], inputs: int, hidden: int, outputs: int, scale: float = 1.0) -> None:
         last = nn.Linear(hidden, outputs)

@@ -1,5 +1,5 @@
-// A trained `AimPolicy` for velocities without goal, waves, paths and own_std, with the activation "relu": the mixture of
-// Gaussians of `AimNetwork` for a layout.
+// The mixture of Gaussians of a trained `AimPolicy` for a layout. The policy plays velocities. It has the activation "relu"
+// and no goal, waves, paths or own_std.
 
 const CIRCLE = 0.05, MOST_INVERSE = 10;  // as in billiards_env/sb3/aim_network.py
 

@@ -93,7 +93,7 @@ def test_a_slim_policy_is_smaller_and_plays_with_rounded_weights(balls, tmp_path
             torch.testing.assert_close(rounded[name], weights, rtol=2**-9, atol=1.2e-7)
     layouts = torch.rand(50, 2 * (1 + balls)) * 1.6 - 0.8
     played = [load_policy(folder)[1].predict(layouts.numpy(), deterministic=True)[0] for folder in (tmp_path, copy)]
-    assert played[0] == pytest.approx(played[1], abs=4e-3)  # twice the largest error of a weight near 1
+    assert played[0] == pytest.approx(played[1], abs=4e-3)  # twice 2**-9, the largest error of rounding a number near 1
 
 
 def test_a_weight_that_a_slim_policy_cannot_hold_is_refused(folder):

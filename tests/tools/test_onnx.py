@@ -15,7 +15,7 @@ onnxruntime = pytest.importorskip("onnxruntime")
 pytestmark = [pytest.mark.tools, pytest.mark.filterwarnings("ignore")]
 
 
-@pytest.mark.parametrize("name", ["five_balls", "nine_ball", "position_strike"])
+@pytest.mark.parametrize("name", ["carom", "five_balls", "nine_ball", "position_strike"])
 def test_a_file_has_the_outputs_of_its_policy(name, tmp_path):
     policy: Any
     arguments, policy = load_policy(f"studies/results/policies/{name}")
