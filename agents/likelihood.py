@@ -74,7 +74,6 @@ _WORTH = 0.1  # least mean return by which the gradient of a layout is divided
 _SLOWER = 0.5  # factor of the learning rate in the second phase
 _CRITIC = 0.1  # weight of the error of the critic
 _NORM = 5.0  # largest norm of a gradient
-_BETAS = (0.9, 0.99)  # of Adam; with its default 0.999 a policy learns more slowly
 _BEGIN = 0.3  # share of the shots after which corrections begin; with earlier corrections a policy became worse
 _CHANGE = 0.1  # of an action, for finite differences, in standard deviations of the policy
 _FARTHEST = 2.5  # largest correction, in standard deviations
@@ -121,7 +120,8 @@ class LikelihoodTraining(Training):
         self._log_std = nn.Parameter(self.policy.net.std.log())
         parameters = [*self.policy.net.parameters(), self._log_std]
         # Each phase has its own moments, because the gradients differ in size.
-        self._optimizers = [torch.optim.Adam(parameters, betas=_BETAS, fused=True) for _ in range(2)]
+        adam = {"betas": (0.9, self._settings["beta2"]), "eps": self._settings["eps"]}
+        self._optimizers = [torch.optim.Adam(parameters, **adam, fused=True) for _ in range(2)]
         self._rng = np.random.default_rng(config.seed)
         self._kept: deque[tuple[Seen, Labels]] = deque(maxlen=_KEPT)
         # A shot from each layout compiles the engine, so that this is no part of the time of the training.
@@ -448,7 +448,8 @@ _COUNTS = {"layouts": 128, "hits": 32, "own": 8, "labels": 1200, "passes": 2, "s
 LEARNER = Learner(
     {name: Setting(whole(1, 1_000_000), default) for name, default in _COUNTS.items()}
     | {name: Setting(whole(0, 1_000_000), 0) for name in ("goals", "pots")}
-    | {"imitation": Setting(up_to(1.0), 0.5), "learning_rate": Setting(rates, [4e-3, 4e-5])},
+    | {"imitation": Setting(up_to(1.0), 0.5), "learning_rate": Setting(rates, [4e-3, 4e-5])}
+    | {"beta2": Setting(up_to(0.9999), 0.999), "eps": Setting(up_to(1e-3), 1e-5)},
     _check,
     lambda config, run_dir: LikelihoodTraining(config),
 )
@@ -460,5 +461,6 @@ largest number of shots that score in a step of the optimizer, and `passes` the 
 is the number of random goals of each layout for which the likeliest shot is corrected; 0 in a task without a goal.
 `pots` is the number of hits of each layout that are pots by geometry; 0 in a task of one player. In the second phase
 `samples` is the number of actions of the policy in each layout. `learning_rate` has the rates of the start and of the
-end; in the second phase they are halved.
+end; in the second phase they are halved. `beta2` and `eps` are those of Adam (Kingma and Ba 2015, Adam: a method for
+stochastic optimization).
 """

@@ -269,6 +269,7 @@ def test_with_noise_the_shots_of_an_update_are_noisy(monkeypatch):
         ({"learner": "ppo"}, "likelihood = .*: expected nothing with learner = 'ppo'"),
         ({"likelihood": {"shots": 3}}, "key of likelihood = 'shots'"),
         ({"likelihood": {"hits": 0}}, "likelihood.hits = 0: expected"),
+        ({"likelihood": {"beta2": 1.0}}, "likelihood.beta2 = 1.0: expected a number from 0 to 0.9999"),
         ({"likelihood": {"learning_rate": 0.1}}, "likelihood.learning_rate = 0.1: expected a pair of rates"),
         ({"ppo": {"n_epochs": 2}}, "ppo = .*: expected nothing with learner = 'likelihood'"),
         ({"policy": {"head": "gaussian"}}, "policy.head = 'gaussian': expected 'aim' with learner = 'likelihood'"),
@@ -369,3 +370,10 @@ def test_a_rival_plays_the_other_turns_when_a_policy_of_a_game_is_measured():
     envs.reset(seed=0)
     infos = envs.step(np.full((3, 2), 0.1))[-1]
     assert (infos["next_player"] == envs.seats).all()
+
+
+def test_adam_has_the_settings_of_both_phases():
+    training = LikelihoodTraining(Config.from_dict(TINY | {"likelihood": {"beta2": 0.9, "eps": 1e-8}}))
+    assert [(group["betas"], group["eps"]) for adam in training._optimizers for group in adam.param_groups] == [
+        ((0.9, 0.9), 1e-8)
+    ] * 2
