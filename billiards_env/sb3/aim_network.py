@@ -497,7 +497,7 @@ class TableCritic(nn.Module):
 
 
 class _Layers(nn.Sequential):
-    """A network with two hidden layers, each followed by an activation.
+    """A network with two hidden layers, each followed by an activation of the class `unit`.
 
     `scale` multiplies the first weights of the last layer.
     """
