@@ -270,8 +270,7 @@ class LikelihoodTraining(Training):
         """Returns the outcomes of shots (m, k, a) from the states of the environments."""
         m, k, size = shots.shape
         self.shots += m * k
-        states, noise = self._envs.get_state().repeat(k), self._rng if noisy else None
-        return self._envs.try_actions(shots.reshape(-1, size), states, noise)
+        return self._envs.try_actions(shots.reshape(-1, size), noise=self._rng if noisy else None)
 
     def _returns(self, outcomes: Outcomes, count: int) -> Tensor:
         """Computes the returns (m, count) of the last `count` shots from each layout."""

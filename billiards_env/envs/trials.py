@@ -86,12 +86,14 @@ class Trials:
             episodes, rows = self._episodes, np.arange(m)
             if states is not None:
                 own = checked_state(states, episodes.state.types.saved, self._without_noise, m)
-            elif len(own) not in (1, m):
-                raise ValueError(f"actions: expected {len(own)}, one for each environment, not {m}")
+            elif m % len(own):
+                raise ValueError(f"actions: expected a multiple of {len(own)}, as many for each environment, not {m}")
             ended = np.flatnonzero(own["over"] | ~own["begun"])
             if len(ended):
                 row = f"environment {ended[0]}" if states is None else f"states[{ended[0]}]"
                 raise ResetNeeded(f"{row} has not begun or is over: call reset(), or leave out the `terminated` rows")
+            if len(own) not in (1, m):
+                own = own.repeat(m // len(own))
             episodes.put(rows, own)
             is_noisy = self._model.is_noisy and noise is not None
             if noise is not None and is_noisy:

@@ -215,7 +215,7 @@ class BilliardsVectorEnv(OfEpisodes, OfArguments, VectorEnv[Any, Any, NDArray[An
         Args:
             actions: (m, 2), (m, 5) or (m,), as in `step`.
             states: The states to play from, one for each action or one for all, as from `get_state`. None for the
-                present states, with one action for each environment.
+                present states, with k actions for each environment: first those of environment 0, then of 1 and so on.
             noise: The generator from which the execution noise and the scatter of the environment are drawn; None for
                 neither. The next step draws others.
 

@@ -251,8 +251,8 @@ def test_with_noise_the_shots_of_an_update_are_noisy(monkeypatch):
     played = []
     tried = type(learner._envs).try_actions
 
-    def spy(self, actions, *arguments):
-        outcomes = tried(self, actions, *arguments)
+    def spy(self, actions, **options):
+        outcomes = tried(self, actions, **options)
         played.append((actions, outcomes.infos["played_action"]))
         return outcomes
 

@@ -68,6 +68,15 @@ def test_infos_have_the_physics_and_the_possible_plans():
         assert outcomes.infos["action_mask"][k].tolist() == after["action_mask"].tolist()
 
 
+def test_several_actions_for_each_environment():
+    envs = make_vector_env(3)
+    envs.reset(seed=0)
+    actions = np.random.default_rng(0).uniform(-1, 1, (12, 2))
+    expected = envs.try_actions(actions, envs.get_state().repeat(4))
+    same(envs.try_actions(actions), expected)
+    assert envs.try_actions(np.empty((0, 2))).rewards.shape == (0,)
+
+
 def test_threads_may_try_shots_of_one_environment():
     env = make_env(n_object_balls=5)
     env.reset(seed=0)
@@ -125,7 +134,7 @@ OTHER = make_env(n_object_balls=2)
     [
         (([0.1, 0.2],), "actions"),
         (([[0.1, np.nan]],), "actions = .*: expected finite numbers"),
-        (([[0.1, 0.2]],), "actions: expected 3, one for each environment, not 1"),
+        (([[0.1, 0.2]] * 4,), "actions: expected a multiple of 3, as many for each environment, not 4"),
         (([[0.1, 0.2]], OTHER.get_state()[None]), r"state\['scene'\]"),
         ((np.ma.masked_greater([[0.1, 0.2]] * 3, 0.1),), "actions = .*: expected .*mask"),
         (([["a", "b"]] * 3,), "actions = .*: expected finite numbers"),
