@@ -87,7 +87,7 @@ class Trials:
             if states is not None:
                 own = checked_state(states, episodes.state.types.saved, self._without_noise, m)
             elif m % len(own):
-                raise ValueError(f"actions: expected a multiple of {len(own)}, as many for each environment, not {m}")
+                raise ValueError(f"actions: expected a multiple of {len(own)}, the number of environments, not {m}")
             ended = np.flatnonzero(own["over"] | ~own["begun"])
             if len(ended):
                 row = f"environment {ended[0]}" if states is None else f"states[{ended[0]}]"

@@ -134,7 +134,7 @@ OTHER = make_env(n_object_balls=2)
     [
         (([0.1, 0.2],), "actions"),
         (([[0.1, np.nan]],), "actions = .*: expected finite numbers"),
-        (([[0.1, 0.2]] * 4,), "actions: expected a multiple of 3, as many for each environment, not 4"),
+        (([[0.1, 0.2]] * 4,), "actions: expected a multiple of 3, the number of environments, not 4"),
         (([[0.1, 0.2]], OTHER.get_state()[None]), r"state\['scene'\]"),
         ((np.ma.masked_greater([[0.1, 0.2]] * 3, 0.1),), "actions = .*: expected .*mask"),
         (([["a", "b"]] * 3,), "actions = .*: expected finite numbers"),
