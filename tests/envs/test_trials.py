@@ -69,12 +69,16 @@ def test_infos_have_the_physics_and_the_possible_plans():
 
 
 def test_several_actions_for_each_environment():
-    envs = make_vector_env(3)
+    envs = make_vector_env(3, autoreset_mode="Disabled")
     envs.reset(seed=0)
     actions = np.random.default_rng(0).uniform(-1, 1, (12, 2))
     expected = envs.try_actions(actions, envs.get_state().repeat(4))
     same(envs.try_actions(actions), expected)
     assert envs.try_actions(np.empty((0, 2))).rewards.shape == (0,)
+    envs.step(actions[:3])
+    envs.reset(options={"reset_mask": np.array([True, False, True])})
+    with pytest.raises(ResetNeeded, match="environment 1 has not begun or is over"):
+        envs.try_actions(actions)
 
 
 def test_threads_may_try_shots_of_one_environment():
