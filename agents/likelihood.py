@@ -35,7 +35,7 @@ the largest value.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -142,9 +142,8 @@ class LikelihoodTraining(Training):
         """Plays shots, learns from them, and returns the share of the policy's own shots that score."""
         settings, part = self._settings, min(self.shots / self._config.timesteps, 1.0)
         improves = part >= settings["imitation"]
-        first, last = settings["learning_rate"]
         for group in self._optimizers[improves].param_groups:
-            group["lr"] = (last + (first - last) * (1.0 - part)) * (_SLOWER if improves else 1.0)
+            group["lr"] = learning_rate(settings, part)
         if self._over.any():
             self._observations, _ = self._envs.reset(options={"reset_mask": self._over})
         seen, self._in_hand = self._seen(self._observations), None
@@ -252,8 +251,8 @@ class LikelihoodTraining(Training):
         returns = self._returns(outcomes, count)
         mean = returns.mean(1, keepdim=True)
         advantages = (returns - mean) / (mean - self._least).clamp(min=_WORTH)
-        logs = mixture.repeated(count).log_prob(shots.flatten(0, 1)).clamp(min=_LEAST_LOG)
-        objective = (advantages.flatten() * logs).mean()
+        logs = mixture.log_prob(shots).clamp(min=_LEAST_LOG)
+        objective = (advantages * logs).mean()
         self._step(objective - self._error(values, returns) if self._goes_on else objective, 1)
         return outcomes
 
@@ -344,6 +343,18 @@ class LikelihoodTraining(Training):
             for optimizer, known in zip(self._optimizers, state["optimizers"], strict=True):
                 optimizer.load_state_dict(known)
         self.shots = int(path.stem)
+
+
+def learning_rate(settings: Mapping[str, Any], part: float) -> float:
+    """Returns the learning rate after a part of the shots of a training; `part` is at least 0 and less than 1."""
+    end, (first, last) = settings["imitation"], settings["learning_rate"]
+    improves = part >= end
+    if "improvement_rate" not in settings:
+        return (last + (first - last) * (1.0 - part)) * (_SLOWER if improves else 1.0)
+    if not improves:
+        return last + (first - last) * (1.0 - part / end)
+    first, last = settings["improvement_rate"]
+    return last + (first - last) * (1.0 - part) / (1.0 - end)
 
 
 def random_hits(
@@ -437,6 +448,8 @@ def _check(config: Config) -> None:
         raise ValueError(
             f"likelihood.imitation = {config.settings['imitation']}: expected more than {_BEGIN} with goals"
         )
+    if "improvement_rate" in config.settings and config.settings["imitation"] == 1:
+        raise ValueError("likelihood.imitation = 1.0: expected less than 1 with improvement_rate")
     if config.settings["pots"] and config.env["n_players"] == 1:
         raise ValueError(f"likelihood.pots = {config.settings['pots']}: expected 0 in a task of one player")
     config.n_envs = config.settings["layouts"]
@@ -448,6 +461,7 @@ LEARNER = Learner(
     {name: Setting(whole(1, 1_000_000), default) for name, default in _COUNTS.items()}
     | {name: Setting(whole(0, 1_000_000), 0) for name in ("goals", "pots")}
     | {"imitation": Setting(up_to(1.0), 0.5), "learning_rate": Setting(rates, [4e-3, 4e-5])}
+    | {"improvement_rate": Setting(rates)}
     | {"beta2": Setting(up_to(0.9999), 0.999), "eps": Setting(up_to(1e-3), 1e-5)},
     _check,
     lambda config, run_dir: LikelihoodTraining(config),
@@ -460,6 +474,7 @@ largest number of shots that score in a step of the optimizer, and `passes` the 
 is the number of random goals of each layout for which the likeliest shot is corrected; 0 in a task without a goal.
 `pots` is the number of hits of each layout that are pots by geometry; 0 in a task of one player. In the second phase
 `samples` is the number of actions of the policy in each layout. `learning_rate` has the rates of the start and of the
-end; in the second phase they are halved. `beta2` and `eps` are those of Adam (Kingma and Ba 2015, Adam: a method for
-stochastic optimization).
+end of the training, and in the second phase they are halved. With `improvement_rate` each phase has rates of its own:
+`learning_rate` those of the start and of the end of the first phase, and `improvement_rate` those of the second.
+`beta2` and `eps` are those of Adam (Kingma and Ba 2015, Adam: a method for stochastic optimization).
 """

@@ -143,19 +143,31 @@ class Mixture(NamedTuple):
         return torch.cat((torch.stack(_turned(x, y, -self.turn * tip[:, 0]), 1), tip), 1)
 
     def log_prob(self, actions: Tensor) -> Tensor:
-        """Returns the logarithms (m,) of the densities of actions (m, 2) or (m, 5)."""
-        x, y, tip = actions[:, :1], actions[:, 1:2], actions[:, 2:]
+        """Returns the logarithms of the densities of actions.
+
+        Args:
+            actions: (m, a), or (m, k, a) for k actions of each mixture.
+
+        Returns:
+            (m,) or (m, k).
+        """
+        if actions.dim() == 2:
+            return self.log_prob(actions[:, None])[:, 0]
+        x, y, tip = actions[..., :1], actions[..., 1:2], actions[..., 2:]
         numbers = self.tip.shape[1]
         if numbers:
-            x, y = _turned(x, y, self.turn * tip[:, :1])
-        ahead = (x * self.dx + y * self.dy - self.speed) / self.along
-        aside = (y * self.dx - x * self.dy) / self.across
+            x, y = _turned(x, y, self.turn * tip[..., :1])
+        dx, dy, speed, across, along = (part[:, None] for part in self[1:6])
+        ahead = x * (dx / along) + y * (dy / along) - speed / along
+        aside = y * (dx / across) - x * (dy / across)
         far = (0.5 * (ahead * ahead + aside * aside)).clamp(max=_FAR)
-        logs = self.log_weight - far - (self.across * self.along).log()
+        logs = (self.log_weight[:, None] - (across * along).log()) - far
         if numbers:
-            logs = logs - 0.5 * ((tip[:, :, None] - self.tip) / self.tip_std).square().sum(1)
+            logs = logs - 0.5 * ((tip[..., None] - self.tip[:, None]) / self.tip_std).square().sum(2)
         constant = numbers * self.tip_std.log() + (1 + 0.5 * numbers) * math.log(2 * math.pi)
-        return logs.logsumexp(1) - constant
+        highest = logs.detach().amax(2, keepdim=True)
+        near = (logs - highest).clamp(min=-_FAR).exp()  # much smaller exponents are slow
+        return near.sum(2).log() + highest[..., 0] - constant
 
     def entropy(self) -> Tensor:
         """Returns the entropies (m,) of the choice of the component. The entropy of a mixture has no closed form."""

@@ -9,7 +9,7 @@ import torch
 
 from agents import train as module
 from agents.config import Config, load
-from agents.likelihood import LikelihoodTraining, corrections, easy_pots, labels_of, random_hits, scores
+from agents.likelihood import LikelihoodTraining, corrections, easy_pots, labels_of, learning_rate, random_hits, scores
 from agents.ppo import make_evaluation
 from billiards_env.players.strategies import hits
 from billiards_env.sb3 import load_policy
@@ -117,7 +117,7 @@ def test_a_correction_solves_a_linear_miss_and_ignores_directions_without_effect
 
 
 def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(tmp_path, monkeypatch):
-    config = Config.from_dict(TINY)
+    config = Config.from_dict(TINY | {"evaluation_episodes": 2000})
     whole = trained_run(config, tmp_path / "whole")
     curve = module.learning_curve(whole)
     assert curve[-1].success > curve[0].success
@@ -188,8 +188,7 @@ def test_improvement_raises_the_density_of_shots_above_the_mean_of_their_layout(
     monkeypatch.setattr(learner, "_seen", lambda observations: seen)
 
     def mean_log() -> float:
-        mixture = learner.policy.net(**seen)[0].repeated(32)
-        logs = mixture.log_prob(torch.from_numpy(played["shots"]).flatten(0, 1)).reshape(64, 32)
+        logs = learner.policy.net(**seen)[0].log_prob(torch.from_numpy(played["shots"]))
         right = torch.from_numpy(played["shots"][..., 0] > 0).float()
         return (logs * (right - right.mean(1, keepdim=True))).mean().item()
 
@@ -276,6 +275,10 @@ def test_with_noise_the_shots_of_an_update_are_noisy(monkeypatch):
         ({"env": {"max_shots": 2}}, "env.max_shots = 2: expected 1 with learner = 'likelihood'"),
         ({"task": None, "env": {"task": "nine_ball", "n_players": 3}}, "env.n_players = 3: expected 2 with learner"),
         ({"likelihood": {"imitation": 1.5}}, "likelihood.imitation = 1.5: expected"),
+        (
+            {"likelihood": {"imitation": 1, "improvement_rate": [1e-3, 1e-5]}},
+            "likelihood.imitation = 1.0: expected less than 1 with improvement_rate",
+        ),
         ({"likelihood": {"pots": 1}}, "likelihood.pots = 1: expected 0 in a task of one player"),
         ({"task": "Pot1-v0", "likelihood": {"goals": 1}}, "likelihood.goals = 1: expected 0 in a task without a goal"),
         (
@@ -377,3 +380,10 @@ def test_adam_has_the_settings_of_both_phases():
     assert [(group["betas"], group["eps"]) for adam in training._optimizers for group in adam.param_groups] == [
         ((0.9, 0.9), 1e-8)
     ] * 2
+
+
+def test_the_learning_rate_falls_over_the_training_or_over_each_phase():
+    rates = {"imitation": 0.5, "learning_rate": [4e-3, 0.0]}
+    assert [learning_rate(rates, part) for part in (0.0, 0.25, 0.5, 0.75)] == pytest.approx([4e-3, 3e-3, 1e-3, 5e-4])
+    rates["improvement_rate"] = [1e-3, 1e-4]
+    assert [learning_rate(rates, part) for part in (0.0, 0.25, 0.5, 0.75)] == pytest.approx([4e-3, 2e-3, 1e-3, 5.5e-4])

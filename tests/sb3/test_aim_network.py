@@ -156,6 +156,20 @@ def test_the_density_of_the_mixture_integrates_to_one():
     assert logs.exp().sum() * (edges[1] - edges[0]) ** 2 == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.parametrize("strikes", [False, True])
+def test_the_densities_of_several_actions_of_each_mixture_are_those_of_single_actions(strikes):
+    torch.manual_seed(0)
+    net = AimNetwork(HALF, 3, (0.1, 0.3, 0.6), 16, strikes=strikes)
+    net.std[:] = 0.02
+    mixture, _ = net(torch.rand(5, 2, 2) - 0.5)
+    actions = torch.cat((mixture.samples(2), torch.full((5, 1, 2 + 3 * strikes), -1.0)), 1)  # the last has no density
+    together = mixture.log_prob(actions)
+    torch.testing.assert_close(together, torch.stack([mixture.log_prob(actions[:, k]) for k in range(3)], 1))
+    assert together.shape == (5, 3)
+    assert (together[:, 2] < -50).all()
+    assert (together[:, :2] > 0).all()
+
+
 def test_the_density_of_strikes_is_that_of_their_samples():
     torch.manual_seed(0)
     net = AimNetwork(HALF, 1, (0.3, 0.6), 16, strikes=True)
