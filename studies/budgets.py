@@ -25,10 +25,11 @@ from studies import JOBS, RESULTS, RUNS, completed, executor, learning, read_res
 OUTPUT = RESULTS / "budgets.json"
 
 FACTORS: dict[str, tuple[float, ...]] = {
-    "place": (0.125, 0.25, 0.5, 2),
-    "position": (0.125, 0.25, 0.5, 2),
+    "place": (0.125, 0.25, 0.5, 2, 12),
+    "position": (0.25, 0.5, 8),
 }
-"""For each row, the numbers of shots of its trainings, as multiples of the number in the row."""
+"""For each row, the numbers of shots of its trainings, as multiples of the number in the row. The longest training of
+each row takes about an hour of processor time."""
 
 PROPOSALS = 16
 
