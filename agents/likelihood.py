@@ -71,7 +71,7 @@ Seen = dict[str, Tensor]  # the features that the policy observes, by name
 _KEPT = 32  # number of earlier updates whose labels are fitted again
 _LEAST_LOG = -20.0  # log-likelihoods below have no gradient
 _WORTH = 0.1  # least mean return by which the gradient of a layout is divided
-_SLOWER = 0.5  # factor of the learning rate in the second phase
+_SLOWER = 0.5  # factor of the learning rate in the second phase, without improvement_rate
 _CRITIC = 0.1  # weight of the error of the critic
 _NORM = 5.0  # largest norm of a gradient
 _BEGIN = 0.3  # share of the shots after which corrections begin; with earlier corrections a policy became worse
@@ -346,7 +346,7 @@ class LikelihoodTraining(Training):
 
 
 def learning_rate(settings: Mapping[str, Any], part: float) -> float:
-    """Returns the learning rate after a part of the shots of a training; `part` is at least 0 and less than 1."""
+    """Returns the learning rate after the share `part` of all shots, from 0 to 1."""
     end, (first, last) = settings["imitation"], settings["learning_rate"]
     improves = part >= end
     if "improvement_rate" not in settings:
@@ -473,8 +473,8 @@ this phase `hits` and `own` are the numbers of random hits and of actions of the
 largest number of shots that score in a step of the optimizer, and `passes` the number of steps for each update. `goals`
 is the number of random goals of each layout for which the likeliest shot is corrected; 0 in a task without a goal.
 `pots` is the number of hits of each layout that are pots by geometry; 0 in a task of one player. In the second phase
-`samples` is the number of actions of the policy in each layout. `learning_rate` has the rates of the start and of the
-end of the training, and in the second phase they are halved. With `improvement_rate` each phase has rates of its own:
-`learning_rate` those of the start and of the end of the first phase, and `improvement_rate` those of the second.
+`samples` is the number of actions of the policy in each layout. `learning_rate` has the first and the last rate of the
+training; the second phase has half of them. With `improvement_rate` nothing is halved: `learning_rate` has the first
+and the last rate of the first phase, and `improvement_rate` those of the second phase.
 `beta2` and `eps` are those of Adam (Kingma and Ba 2015, Adam: a method for stochastic optimization).
 """

@@ -146,10 +146,10 @@ class Mixture(NamedTuple):
         """Returns the logarithms of the densities of actions.
 
         Args:
-            actions: (m, a), or (m, k, a) for k actions of each mixture.
+            actions: (m, a), or (m, n, a) for n actions of each mixture.
 
         Returns:
-            (m,) or (m, k).
+            (m,) or (m, n).
         """
         if actions.dim() == 2:
             return self.log_prob(actions[:, None])[:, 0]
@@ -166,7 +166,7 @@ class Mixture(NamedTuple):
             logs = logs - 0.5 * ((tip[..., None] - self.tip[:, None]) / self.tip_std).square().sum(2)
         constant = numbers * self.tip_std.log() + (1 + 0.5 * numbers) * math.log(2 * math.pi)
         highest = logs.detach().amax(2, keepdim=True)
-        near = (logs - highest).clamp(min=-_FAR).exp()  # much smaller exponents are slow
+        near = (logs - highest).clamp(min=-_FAR).exp()  # exp of much less gives denormal numbers
         return near.sum(2).log() + highest[..., 0] - constant
 
     def entropy(self) -> Tensor:

@@ -117,7 +117,7 @@ def test_a_correction_solves_a_linear_miss_and_ignores_directions_without_effect
 
 
 def test_a_resumed_run_ends_with_the_weights_of_an_uninterrupted_one(tmp_path, monkeypatch):
-    config = Config.from_dict(TINY | {"evaluation_episodes": 2000})
+    config = Config.from_dict(TINY | {"evaluation_episodes": 2000})  # so that the success rises by more than chance
     whole = trained_run(config, tmp_path / "whole")
     curve = module.learning_curve(whole)
     assert curve[-1].success > curve[0].success
@@ -387,3 +387,8 @@ def test_the_learning_rate_falls_over_the_training_or_over_each_phase():
     assert [learning_rate(rates, part) for part in (0.0, 0.25, 0.5, 0.75)] == pytest.approx([4e-3, 3e-3, 1e-3, 5e-4])
     rates["improvement_rate"] = [1e-3, 1e-4]
     assert [learning_rate(rates, part) for part in (0.0, 0.25, 0.5, 0.75)] == pytest.approx([4e-3, 2e-3, 1e-3, 5.5e-4])
+    training: Any = LikelihoodTraining(Config.from_dict(TINY | {"likelihood": {"layouts": 16, **rates}}))
+    training.restart()
+    training.shots = 60_000  # 0.75 of all
+    training.update()
+    assert training._optimizers[1].param_groups[0]["lr"] == pytest.approx(5.5e-4)

@@ -156,18 +156,26 @@ def test_the_density_of_the_mixture_integrates_to_one():
     assert logs.exp().sum() * (edges[1] - edges[0]) ** 2 == pytest.approx(1.0, abs=1e-3)
 
 
-@pytest.mark.parametrize("strikes", [False, True])
-def test_the_densities_of_several_actions_of_each_mixture_are_those_of_single_actions(strikes):
+def test_the_densities_of_several_actions_of_each_mixture_and_their_gradients_are_those_of_pytorch():
     torch.manual_seed(0)
-    net = AimNetwork(HALF, 3, (0.1, 0.3, 0.6), 16, strikes=strikes)
+    net = AimNetwork(HALF, 3, (0.1, 0.3, 0.6), 16, own_std=True).double()
     net.std[:] = 0.02
-    mixture, _ = net(torch.rand(5, 2, 2) - 0.5)
-    actions = torch.cat((mixture.samples(2), torch.full((5, 1, 2 + 3 * strikes), -1.0)), 1)  # the last has no density
+    bias = net.get_parameter("choice.4.bias")
+    mixture, _ = net((torch.rand(5, 2, 2) - 0.5).double())
+    actions = torch.cat((mixture.samples(2), torch.full((5, 1, 2), -1.0)), 1)  # the last is far from all components
+    axes = torch.stack((mixture.dx, mixture.dy, -mixture.dy, mixture.dx), 2).unflatten(2, (2, 2)).mT
+    places = axes[..., 0] * mixture.speed[..., None]
+    scales = axes @ torch.stack((mixture.along, mixture.across), 2).square().diag_embed() @ axes.mT
+    gaussians = torch.distributions.MultivariateNormal(places, scales)
+    weights = torch.distributions.Categorical(logits=mixture.log_weight)
+    expected = torch.distributions.MixtureSameFamily(weights, gaussians).log_prob(actions.transpose(0, 1)).T
     together = mixture.log_prob(actions)
-    torch.testing.assert_close(together, torch.stack([mixture.log_prob(actions[:, k]) for k in range(3)], 1))
-    assert together.shape == (5, 3)
-    assert (together[:, 2] < -50).all()
-    assert (together[:, :2] > 0).all()
+    torch.testing.assert_close(together[:, :2], expected[:, :2])
+    assert (together[:, 2] < -40).all()
+    for found, reference in zip(together[:, :2].T, expected[:, :2].T, strict=True):
+        gradients = (torch.autograd.grad(one.sum(), bias, retain_graph=True)[0] for one in (found, reference))
+        torch.testing.assert_close(*gradients)
+    assert torch.equal(torch.stack([mixture.log_prob(actions[:, k]) for k in range(3)], 1), together)
 
 
 def test_the_density_of_strikes_is_that_of_their_samples():
