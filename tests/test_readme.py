@@ -179,7 +179,8 @@ def test_the_configuration_shown_trains():
     by_likelihood, config = (Config.from_dict(yaml.safe_load(text)) for text in texts)
     assert (by_likelihood.learner, config.learner) == ("likelihood", "ppo")
     defaults = {name: setting.default for name, setting in LEARNERS["likelihood"].settings.items()}
-    assert by_likelihood.settings == defaults
+    assert by_likelihood.settings == {name: value for name, value in defaults.items() if value is not None}
+    assert all(f"`{name}: " in PAGES["docs/training.md"] for name, value in defaults.items() if value is None)
     envs = make_vec_env(config)
     model = make_ppo(config, envs)
     before = [weights.clone() for weights in model.policy.parameters()]
