@@ -212,6 +212,32 @@ class _OtherBalls(NamedTuple):
     flags: Tensor
 
 
+class _Inputs(NamedTuple):
+    """What the networks take for m layouts, once for each of f object balls, see `AimNetwork`.
+
+    Attributes:
+        features: (m * f, i) the inputs of the first layers.
+        near: (m * f, j) those that depend on the ball in first place alone.
+        signs: (m * f, 2) 1 or -1, the reflection of x and y.
+        to_ball: (m * f, 2) m, from the cue ball to the ball in first place, reflected.
+        others: The other object balls; None if there are none.
+        chosen, judged, aimed: What they add to the first layers of `choice`, `critic` and `points`; None without them.
+        possible: (m, f) bool, whether a component may aim at the ball.
+        counted: (m, f) bool, whether the ball counts in the value.
+    """
+
+    features: Tensor
+    near: Tensor
+    signs: Tensor
+    to_ball: Tensor
+    others: _OtherBalls | None
+    chosen: Tensor | None
+    judged: Tensor | None
+    aimed: Tensor | None
+    possible: Tensor
+    counted: Tensor
+
+
 class AimNetwork(nn.Module):
     """The mixture for observations, and the value function.
 
@@ -322,6 +348,37 @@ class AimNetwork(nn.Module):
 
     def layouts(self, positions: Tensor, legal: Tensor | None = None, **others: Tensor) -> tuple[Layouts, Tensor]:
         """Returns the layouts for `mixtures`, and the values (m,). The arguments are those of `forward`."""
+        m = len(positions)
+        inputs = self._inputs(positions, legal, **others)
+        offset = self.points(inputs.near) if self.aim == "ball" else self.points(inputs.features, inputs.aimed)
+        places = inputs.to_ball[:, :, None] + (self.first_points + self.CIRCLE * offset.unflatten(1, (2, -1)))
+        dx, dy = places.unbind(1)
+        inverse = torch.rsqrt(dx * dx + dy * dy + 1e-9)
+        dx, dy = dx * inverse, dy * inverse
+        f, signs = inputs.possible.shape[1], inputs.signs
+        paths = positions.new_empty(m, f, 0)
+        if inputs.others is not None and self.diameter:  # clear paths do not move the points
+            paths = self._paths(inputs.others, inputs.to_ball, dx.detach(), dy.detach())
+        choice = self.choice(inputs.features, inputs.chosen)
+        parts = choice, signs, dx * signs[:, :1], dy * signs[:, 1:], inverse, paths
+        layouts = Layouts._make((*(part.reshape(m, f, -1) for part in parts), inputs.possible))
+        if isinstance(self.critic, TableCritic):
+            return layouts, self.values(positions=positions, **others)
+        return layouts, self._values(inputs)
+
+    def values(self, **seen: Tensor) -> Tensor:
+        """Returns the values (m,) for the features of m layouts by name."""
+        if isinstance(self.critic, TableCritic):
+            return self.critic(seen["positions"], seen["legal_balls"], seen["in_hand"], self.half_extents)
+        return self._values(self._inputs(**seen))
+
+    def _values(self, inputs: _Inputs) -> Tensor:
+        """Returns the means (m,) of the values of a layout over the balls in first place."""
+        values = self.critic(inputs.features, inputs.judged).reshape(inputs.counted.shape) * inputs.counted
+        return values.sum(1) / inputs.counted.sum(1).clamp(min=1)
+
+    def _inputs(self, positions: Tensor, legal: Tensor | None = None, **others: Tensor) -> _Inputs:
+        """Returns the inputs of the networks. The arguments are those of `forward`."""
         m, n = positions.shape[0], positions.shape[1] - 1
         places = torch.cat((positions, others["goal"]), 1) if self.goal and not self.goal_units else positions
         flags = others["legal_balls"] if self.legal else positions.new_empty(m, 0)
@@ -342,32 +399,14 @@ class AimNetwork(nn.Module):
         goals, rest = tables[:, :, 1 + n :].reshape(m * f, -1), rest.repeat_interleave(f, 0)
         waves = self._waves(cue_ball), self._waves(ball)
         features = torch.cat((cue_ball, ball, way, distance, 1 / (distance + 0.1), goals, rest, *waves), 1)
-        chosen, judged, aimed, other_balls = None, None, None, None
+        other_balls, added = None, (None, None, None)
         if n > 1:
             other_balls = self._others_of(tables, first, flags, on_table)
-            chosen, judged, aimed = self._other_balls(other_balls, ball, way)
-        near = torch.cat((ball, waves[1]), 1)
-        offset = self.points(near) if self.aim == "ball" else self.points(features, aimed)
-        dx, dy = (to_ball[:, :, None] + (self.first_points + self.CIRCLE * offset.unflatten(1, (2, -1)))).unbind(1)
-        inverse = torch.rsqrt(dx * dx + dy * dy + 1e-9)
-        dx, dy = dx * inverse, dy * inverse
-        paths = positions.new_empty(m, f, 0)
-        if other_balls is not None and self.diameter:
-            paths = self._paths(other_balls, to_ball, dx.detach(), dy.detach())  # clear paths do not move the points
-        parts = self.choice(features, chosen), signs, dx * signs[:, :1], dy * signs[:, 1:], inverse, paths
+            added = self._other_balls(other_balls, ball, way)
         possible = allowed.gather(1, first)
-        layouts = Layouts._make((*(part.reshape(m, f, -1) for part in parts), possible))
-        if isinstance(self.critic, TableCritic):
-            return layouts, self.critic(positions, flags, others["in_hand"], self.half_extents)
         counted = possible if self.legal else on_table.gather(1, first)
-        values = self.critic(features, judged).reshape(m, f) * counted
-        return layouts, values.sum(1) / counted.sum(1).clamp(min=1)
-
-    def values(self, **seen: Tensor) -> Tensor:
-        """Returns the values (m,) for the features of m layouts by name."""
-        if isinstance(self.critic, TableCritic):
-            return self.critic(seen["positions"], seen["legal_balls"], seen["in_hand"], self.half_extents)
-        return self.layouts(**seen)[1]
+        near = torch.cat((ball, waves[1]), 1)
+        return _Inputs(features, near, signs, to_ball, other_balls, *added, possible, counted)
 
     def _first_balls(self, allowed: Tensor) -> Tensor:
         """Returns the balls (m, f) that are put in first place: all n, or with "legal_balls" those that are allowed.
