@@ -448,8 +448,11 @@ def _check(config: Config) -> None:
         raise ValueError(
             f"likelihood.imitation = {config.settings['imitation']}: expected more than {_BEGIN} with goals"
         )
-    if "improvement_rate" in config.settings and config.settings["imitation"] == 1:
-        raise ValueError("likelihood.imitation = 1.0: expected less than 1 with improvement_rate")
+    if "improvement_rate" in config.settings and config.settings["imitation"] in (0, 1):
+        imitation = config.settings["imitation"]
+        raise ValueError(
+            f"likelihood.imitation = {imitation}: expected a number above 0 and below 1 with improvement_rate"
+        )
     if config.settings["pots"] and config.env["n_players"] == 1:
         raise ValueError(f"likelihood.pots = {config.settings['pots']}: expected 0 in a task of one player")
     config.n_envs = config.settings["layouts"]

@@ -277,7 +277,11 @@ def test_with_noise_the_shots_of_an_update_are_noisy(monkeypatch):
         ({"likelihood": {"imitation": 1.5}}, "likelihood.imitation = 1.5: expected"),
         (
             {"likelihood": {"imitation": 1, "improvement_rate": [1e-3, 1e-5]}},
-            "likelihood.imitation = 1.0: expected less than 1 with improvement_rate",
+            "likelihood.imitation = 1.0: expected a number above 0 and below 1 with improvement_rate",
+        ),
+        (
+            {"likelihood": {"imitation": 0, "improvement_rate": [1e-3, 1e-5]}},
+            "likelihood.imitation = 0.0: expected a number above 0 and below 1 with improvement_rate",
         ),
         ({"likelihood": {"pots": 1}}, "likelihood.pots = 1: expected 0 in a task of one player"),
         ({"task": "Pot1-v0", "likelihood": {"goals": 1}}, "likelihood.goals = 1: expected 0 in a task without a goal"),
