@@ -217,11 +217,12 @@ class _Inputs(NamedTuple):
 
     Attributes:
         features: (m * f, i) the inputs of the first layers.
-        near: (m * f, j) those that depend on the ball in first place alone.
+        near: (m * f, j) the inputs that depend only on the ball in first place.
         signs: (m * f, 2) 1 or -1, the reflection of x and y.
         to_ball: (m * f, 2) m, from the cue ball to the ball in first place, reflected.
-        others: The other object balls; None if there are none.
-        chosen, judged, aimed: What they add to the first layers of `choice`, `critic` and `points`; None without them.
+        others: The other object balls; None with one object ball.
+        chosen, judged, aimed: (m * f, units) what they add to the first layers of `choice`, `critic` and `points`; None
+            with one object ball.
         possible: (m, f) bool, whether a component may aim at the ball.
         counted: (m, f) bool, whether the ball counts in the value.
     """
@@ -351,13 +352,14 @@ class AimNetwork(nn.Module):
         m = len(positions)
         inputs = self._inputs(positions, legal, **others)
         offset = self.points(inputs.near) if self.aim == "ball" else self.points(inputs.features, inputs.aimed)
-        places = inputs.to_ball[:, :, None] + (self.first_points + self.CIRCLE * offset.unflatten(1, (2, -1)))
-        dx, dy = places.unbind(1)
+        points = inputs.to_ball[:, :, None] + (self.first_points + self.CIRCLE * offset.unflatten(1, (2, -1)))
+        dx, dy = points.unbind(1)
         inverse = torch.rsqrt(dx * dx + dy * dy + 1e-9)
         dx, dy = dx * inverse, dy * inverse
         f, signs = inputs.possible.shape[1], inputs.signs
         paths = positions.new_empty(m, f, 0)
-        if inputs.others is not None and self.diameter:  # clear paths do not move the points
+        if inputs.others is not None and self.diameter:
+            # Without a gradient to the points: clear paths do not move them.
             paths = self._paths(inputs.others, inputs.to_ball, dx.detach(), dy.detach())
         choice = self.choice(inputs.features, inputs.chosen)
         parts = choice, signs, dx * signs[:, :1], dy * signs[:, 1:], inverse, paths
@@ -373,7 +375,7 @@ class AimNetwork(nn.Module):
         return self._values(self._inputs(**seen))
 
     def _values(self, inputs: _Inputs) -> Tensor:
-        """Returns the means (m,) of the values of a layout over the balls in first place."""
+        """Returns the mean value of each layout over the balls that count, (m,)."""
         values = self.critic(inputs.features, inputs.judged).reshape(inputs.counted.shape) * inputs.counted
         return values.sum(1) / inputs.counted.sum(1).clamp(min=1)
 
@@ -399,14 +401,14 @@ class AimNetwork(nn.Module):
         goals, rest = tables[:, :, 1 + n :].reshape(m * f, -1), rest.repeat_interleave(f, 0)
         waves = self._waves(cue_ball), self._waves(ball)
         features = torch.cat((cue_ball, ball, way, distance, 1 / (distance + 0.1), goals, rest, *waves), 1)
-        other_balls, added = None, (None, None, None)
+        other_balls, chosen, judged, aimed = None, None, None, None
         if n > 1:
             other_balls = self._others_of(tables, first, flags, on_table)
-            added = self._other_balls(other_balls, ball, way)
+            chosen, judged, aimed = self._other_balls(other_balls, ball, way)
         possible = allowed.gather(1, first)
         counted = possible if self.legal else on_table.gather(1, first)
         near = torch.cat((ball, waves[1]), 1)
-        return _Inputs(features, near, signs, to_ball, other_balls, *added, possible, counted)
+        return _Inputs(features, near, signs, to_ball, other_balls, chosen, judged, aimed, possible, counted)
 
     def _first_balls(self, allowed: Tensor) -> Tensor:
         """Returns the balls (m, f) that are put in first place: all n, or with "legal_balls" those that are allowed.

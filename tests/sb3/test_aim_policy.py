@@ -1,6 +1,6 @@
 """The policy that aims, trained by PPO of Stable-Baselines3."""
 
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -109,6 +109,19 @@ def test_the_densities_of_an_update_are_those_of_its_rollout():
     assert torch.equal(model.policy.predict_values(observations), again)
     torch.testing.assert_close(model.policy.get_distribution(observations).log_prob(actions), log_prob)
     torch.testing.assert_close(weighted, entropy)  # its factor begins at 1
+
+
+@pytest.mark.parametrize("env", GAMES.values(), ids=GAMES)
+def test_the_values_alone_are_those_beside_the_mixtures(env):
+    model = make(envs=4, hidden=16, env=env)
+    envs, policy = cast(Any, model.env), cast(AimPolicy, model.policy)
+    observations = torch.as_tensor(envs.reset())
+    with torch.no_grad():
+        for parameter in net(model).critic.parameters():
+            parameter.normal_()
+        _, values = policy.mixtures_and_values(observations)
+        assert len(set(values.tolist())) > 1
+        assert torch.equal(policy.predict_values(observations)[:, 0], values)
 
 
 def test_the_policy_gets_the_table_and_the_task_from_the_environment(tmp_path):
