@@ -349,7 +349,7 @@ class AimNetwork(nn.Module):
 
     def layouts(self, positions: Tensor, legal: Tensor | None = None, **others: Tensor) -> tuple[Layouts, Tensor]:
         """Returns the layouts for `mixtures`, and the values (m,). The arguments are those of `forward`."""
-        m = positions.shape[0]
+        m = positions.shape[0]  # len() would fix the number of layouts in an ONNX file
         inputs = self._inputs(positions, legal, **others)
         offset = self.points(inputs.near) if self.aim == "ball" else self.points(inputs.features, inputs.aimed)
         points = inputs.to_ball[:, :, None] + (self.first_points + self.CIRCLE * offset.unflatten(1, (2, -1)))
